@@ -1,0 +1,16 @@
+"""Where the data of the package lies, and the one error that bad input raises."""
+
+from pathlib import Path
+
+MODELS = Path(__file__).resolve().parent / "models"
+PACKAGE_XML = MODELS / "package.xml"
+
+
+class InputError(ValueError):
+    """Input that cannot be used: one line that says what, where and what was expected. The command exits with 2."""
+
+
+def asset(uri: str) -> Path:
+    """The file behind `package://sum_drake/...`, or the path itself when it is no such URI."""
+    prefix = "package://sum_drake/"
+    return MODELS / uri.removeprefix(prefix) if uri.startswith(prefix) else Path(uri)

@@ -1,0 +1,132 @@
+"""Rigid motions as (4, 4) arrays, symmetry groups, pose errors and boxes."""
+
+import dataclasses
+
+import numpy as np
+
+from sum_drake.types import Array, Box, readonly
+
+
+def transform(R: Array, p: Array) -> Array:
+    """X from rotations (..., 3, 3) and positions (..., 3); broadcasts. Returns (..., 4, 4)."""
+    shape = np.broadcast_shapes(np.shape(R)[:-2], np.shape(p)[:-1])
+    X = np.zeros((*shape, 4, 4))
+    X[..., :3, :3] = R
+    X[..., :3, 3] = p
+    X[..., 3, 3] = 1.0
+    return X
+
+
+def inverse(X_AB: Array) -> Array:
+    """X_BA of rigid motions (..., 4, 4)."""
+    R_BA = np.swapaxes(X_AB[..., :3, :3], -1, -2)
+    return transform(R_BA, -np.einsum("...ij,...j->...i", R_BA, X_AB[..., :3, 3]))
+
+
+def apply(X_AB: Array, p_BQ: Array) -> Array:
+    """p_AQ of points (..., n, 3) under motions (..., 4, 4)."""
+    points: Array = p_BQ @ np.swapaxes(X_AB[..., :3, :3], -1, -2) + X_AB[..., None, :3, 3]
+    return points
+
+
+def rotation_from_vector(w: Array) -> Array:
+    """exp of rotation vectors (..., 3), radians: Rodrigues' formula. Returns (..., 3, 3)."""
+    w = np.asarray(w, dtype=float)
+    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    K = np.zeros((*w.shape[:-1], 3, 3))
+    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -w[..., 2], w[..., 1], -w[..., 0]
+    K[..., 1, 0], K[..., 2, 0], K[..., 2, 1] = w[..., 2], -w[..., 1], w[..., 0]
+    # sin(a)/a and (1 - cos a)/a^2 through sinc, which is exact at 0.
+    R: Array = np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K)
+    return R
+
+
+def rotation_from_quaternion(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4) ordered w, x, y, z; normalised here."""
+    w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
+            np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
+            np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+
+
+def rotation_angle(R: Array) -> Array:
+    """Angle in [0, pi] of rotations (..., 3, 3); accurate near 0 and near pi."""
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    skew = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)
+    return np.asarray(np.arctan2(np.linalg.norm(skew, axis=-1), trace - 1.0))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Symmetry:
+    """A subgroup of SO(3) about the object's origin: finitely many rotations, times all turns about one axis."""
+
+    name: str
+    rotations: Array
+    """(k, 3, 3), the identity first."""
+    axis: Array | None = None
+    """(3,) unit vector of a continuous symmetry."""
+
+
+def _turns(axis: int, count: int) -> list[Array]:
+    return [rotation_from_vector(np.eye(3)[axis] * 2 * np.pi * i / count) for i in range(count)]
+
+
+def symmetry_group(name: str) -> Symmetry:
+    """The group of a name that a catalogue may use. Raises KeyError for an unknown one.
+
+    none; twofold_x, twofold_y, twofold_z: a half-turn about that axis; fourfold_z: quarter turns; box: three
+    half-turns; square: a box with square cross-section across z; revolution: all turns about z; cylinder: the same
+    and end for end.
+    """
+    half_x = rotation_from_vector(np.array([np.pi, 0, 0]))
+    z = np.array([0.0, 0.0, 1.0])
+    groups: dict[str, tuple[list[Array], Array | None]] = {
+        "none": ([np.eye(3)], None),
+        "twofold_x": (_turns(0, 2), None),
+        "twofold_y": (_turns(1, 2), None),
+        "twofold_z": (_turns(2, 2), None),
+        "fourfold_z": (_turns(2, 4), None),
+        "box": ([A @ B for A in (np.eye(3), half_x) for B in _turns(2, 2)], None),
+        "square": ([A @ B for A in (np.eye(3), half_x) for B in _turns(2, 4)], None),
+        "revolution": ([np.eye(3)], z),
+        "cylinder": ([np.eye(3), half_x], z),
+    }
+    rotations, axis = groups[name]
+    return Symmetry(name, readonly(np.stack(rotations)), None if axis is None else readonly(axis))
+
+
+SYMMETRIES = (
+    "none", "twofold_x", "twofold_y", "twofold_z", "fourfold_z", "box", "square", "revolution", "cylinder",
+)  # fmt: skip
+
+
+def rotation_error(R_WA: Array, R_WB: Array, symmetry: Symmetry) -> Array:
+    """Smallest angle between two orientations over the symmetry group, radians; broadcasts over (..., 3, 3)."""
+    R_AB = np.swapaxes(R_WA, -1, -2) @ R_WB
+    candidates = np.swapaxes(symmetry.rotations, -1, -2) @ R_AB[..., None, :, :]  # (..., k, 3, 3)
+    if symmetry.axis is None:
+        return np.asarray(rotation_angle(candidates).min(-1))
+    # The best turn about the axis leaves the angle between the axis and its image.
+    image = candidates @ symmetry.axis
+    cross = np.linalg.norm(np.cross(symmetry.axis, image), axis=-1)
+    return np.asarray(np.arctan2(cross, image @ symmetry.axis).min(-1))
+
+
+def pose_error(X_WA: Array, X_WB: Array, symmetry: Symmetry) -> tuple[Array, Array]:
+    """Translation error in metres and rotation error in radians (symmetry-aware) of poses (..., 4, 4)."""
+    translation = np.linalg.norm(X_WA[..., :3, 3] - X_WB[..., :3, 3], axis=-1)
+    return np.asarray(translation), rotation_error(X_WA[..., :3, :3], X_WB[..., :3, :3], symmetry)
+
+
+def box_iou(a: Box, b: Box) -> float:
+    """Intersection over union of two boxes; 0 where both are empty."""
+    w = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    h = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    intersection = max(w, 0.0) * max(h, 0.0)
+    union = a[2] * a[3] + b[2] * b[3] - intersection
+    return intersection / union if union > 0 else 0.0

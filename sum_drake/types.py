@@ -1,0 +1,237 @@
+"""The values that flow between the parts: small, frozen, with read-only arrays.
+
+Frames follow Drake's monogram notation. W is the world (z up, x ahead of the robot, origin on the floor under the
+robot's base), C the camera (x right, y down, z forward), O an object's mesh frame, G the gripper (x out of the palm,
+y the direction in which the fingers close, origin between the finger tips). SI units throughout.
+
+Drake deep-copies abstract values at every update of the state they live in. These are deeply immutable, so a copy is
+the value itself.
+"""
+
+import dataclasses
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def readonly(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+    """A read-only copy of `array` as `dtype`."""
+    copy = np.array(array, dtype=dtype)
+    copy.flags.writeable = False
+    return copy
+
+
+class Immutable:
+    """Makes `copy` and `deepcopy` return the value itself, which is what immutability means."""
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        return self
+
+
+@dataclasses.dataclass(frozen=True)
+class Camera(Immutable):
+    """A pinhole camera with pixel centres at integers, as in OpenCV and ROS (RenderEngineVtk's lie at + .5)."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Frame(Immutable):
+    """One RGB-D observation."""
+
+    observation: int
+    """Number of the observation, 0 for the first of a run."""
+    color: NDArray[np.uint8]
+    """(h, w, 3), RGB."""
+    depth: NDArray[np.float32]
+    """(h, w), z-depth in metres, 0 where the sensor returned nothing."""
+    camera: Camera
+    X_WC: Array
+    """(4, 4)."""
+    time: float = 0.0
+
+
+Box = tuple[float, float, float, float]
+"""x, y, w, h in pixels: covers the pixel centres x <= u < x + w, y <= v < y + h."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Detection(Immutable):
+    """One box that the detector proposes, with its distribution over labels."""
+
+    box: Box
+    p_box: float
+    """p(b | z): the box holds an object (Sui et al. 2017, eq. 3)."""
+    p_labels: tuple[tuple[str, float], ...]
+    """p(o | b, z) of the labels that passed the sigma_c rule (eq. 5), most likely first; sums to at most 1."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PoseBelief(Immutable):
+    """Bel(q): weighted particles of one object's pose."""
+
+    X_WOs: Array
+    """(n, 4, 4)."""
+    weights: Array
+    """(n,), sum to 1."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Track(Immutable):
+    """One hypothesised object, carried from observation to observation."""
+
+    id: int
+    label: str
+    box: Box
+    """The detection's box it was last associated with."""
+    p_box: float
+    p_label: float
+    belief: PoseBelief
+    X_WO: Array
+    """(4, 4): the pose estimate."""
+    likelihood: float
+    """How well the pose estimate explains the depth in the box, in [0, 1] (eq. 8 or its successor)."""
+    probability: float
+    """That the object is there and within 2 cm and 20 degrees of X_WO."""
+    accepted: bool
+    born: int
+    """Observation that spawned it."""
+    seen: int
+    """Observation it was last associated in."""
+    features: tuple[tuple[str, float], ...] = ()
+    """Named figures of the last pose estimate: inliers, free space, effective sample size ..."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SceneBelief(Immutable):
+    """Everything believed about the table after an observation (-1: before the first)."""
+
+    observation: int = -1
+    tracks: tuple[Track, ...] = ()
+    next_id: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Association(Immutable):
+    """A (box, label) pair of a detection and the track it feeds (eq. 11)."""
+
+    detection: int
+    """Index into the frame's detections."""
+    label: str
+    track: int | None
+    """Track id; None spawns a new one."""
+    score: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PickPlace(Immutable):
+    """An executed action u = (kind, target, pick, place, what the gripper felt); whether it worked is inferred."""
+
+    step: int
+    kind: str
+    """"pick_place", or "none" when the robot only looked again."""
+    track: int
+    label: str
+    X_WG_pick: Array
+    """(4, 4)."""
+    X_WO_place: Array
+    """(4, 4): where the object was to end."""
+    region: str
+    gap_lift: float
+    """Distance between the fingers after the lift, metres; 0 is an empty hand."""
+    gap_place: float
+    """The same just before the release; equals gap_lift when the pick was given up."""
+    released: bool
+    """Whether the hand was opened at the place, rather than given up after the lift."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Perception(Immutable):
+    """The record of one observation: everything in it carries the same observation number."""
+
+    step: int
+    frame: Frame
+    detections: tuple[Detection, ...]
+    associations: tuple[Association, ...]
+    prior: SceneBelief
+    posterior: SceneBelief
+    action: PickPlace | None
+    """The action between the last observation and this one."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Grasp(Immutable):
+    """A hand pose on an object."""
+
+    label: str
+    X_OG: Array
+    """(4, 4)."""
+    width: float
+    """Distance between the two contacts along G's y axis, metres."""
+    quality: float
+    """Contact quality in [0, 1]."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectory(Immutable):
+    """Timed positions of the arm's joints (torso first), sampled; interpolate with cubic Hermite segments."""
+
+    times: Array
+    """(k,), starts at 0."""
+    positions: Array
+    """(k, 8)."""
+    velocities: Array
+    """(k, 8)."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Segment(Immutable):
+    """A trajectory of the arm together with the opening the fingers are driven to while it runs."""
+
+    name: str
+    """approach, reach, close, lift, transport, lower, open, retreat, return ..."""
+    trajectory: Trajectory
+    gap: float
+    """Commanded distance between the fingers, metres."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Motion(Immutable):
+    """Segments to be executed one after the other; a new id starts a new motion."""
+
+    id: int
+    segments: tuple[Segment, ...]
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return float(sum(segment.trajectory.times[-1] for segment in self.segments))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Attempt(Immutable):
+    """What the robot knows of one try at one object."""
+
+    step: int
+    track: int
+    label: str
+    region: str
+    kind: str
+    reason: str
+    """"executed", or why it was given up: one of the reasons listed in docs/formats.md."""
+    grasp_candidates: int
+    rejected_by: tuple[tuple[str, int], ...]
+    """Grasp candidates dropped, counted by cause."""
+    action: PickPlace | None
+    """None when nothing was moved."""
