@@ -235,3 +235,24 @@ class Attempt(Immutable):
     """Grasp candidates dropped, counted by cause."""
     action: PickPlace | None
     """None when nothing was moved."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Region(Immutable):
+    """A place where objects may end: an axis-aligned box in W, such as the inside of a bin."""
+
+    name: str
+    p_W: Array
+    """(3,): centre of the box's volume."""
+    half_extents: Array
+    """(3,)."""
+
+    @property
+    def floor_height(self) -> float:
+        """Height of the box's bottom in W, metres."""
+        return float(self.p_W[2] - self.half_extents[2])
+
+    @property
+    def rim_height(self) -> float:
+        """Height of the box's top in W, metres."""
+        return float(self.p_W[2] + self.half_extents[2])
