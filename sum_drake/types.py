@@ -77,6 +77,14 @@ class Detection(Immutable):
     """p(o | b, z) of the labels that passed the sigma_c rule (eq. 5), most likely first; sums to at most 1."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Detections(Immutable):
+    """What the detector says of one observation."""
+
+    observation: int
+    boxes: tuple[Detection, ...]
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class PoseBelief(Immutable):
     """Bel(q): weighted particles of one object's pose."""
@@ -132,6 +140,14 @@ class Association(Immutable):
     track: int | None
     """Track id; None spawns a new one."""
     score: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Associations(Immutable):
+    """What the associator says of one observation."""
+
+    observation: int
+    pairs: tuple[Association, ...]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -217,6 +233,17 @@ class Motion(Immutable):
     def duration(self) -> float:
         """Seconds."""
         return float(sum(segment.trajectory.times[-1] for segment in self.segments))
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionStatus(Immutable):
+    """How far the controller is with the motion it was given last."""
+
+    motion: int
+    """Id of the motion; -1 before the first."""
+    segment: str
+    """Name of the segment that runs, "" when the motion is done."""
+    done: bool
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
