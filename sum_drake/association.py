@@ -54,7 +54,7 @@ def greedy_matches(scores: Array, threshold: float) -> list[tuple[int, int]]:
 def associate(
     tracks: Sequence[Track], detections: Sequence[Detection], config: AssociationConfig
 ) -> tuple[Association, ...]:
-    """Associations in the order of the detections and their labels; `track` is None where a new one is to be spawned."""
+    """Associations in the order of the detections and their labels; a `track` of None spawns a new one."""
     scores, pairs = matching_scores(tracks, detections)
     matched = {j: (tracks[i].id, float(scores[i, j])) for i, j in greedy_matches(scores, config.match_threshold)}
     associations = []

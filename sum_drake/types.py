@@ -262,6 +262,8 @@ class Attempt(Immutable):
     """Grasp candidates dropped, counted by cause."""
     action: PickPlace | None
     """None when nothing was moved."""
+    X_OG: Array | None = None
+    """(4, 4): the grasp that was tried."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

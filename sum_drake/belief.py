@@ -1,0 +1,127 @@
+"""The recursion over observations: predict, estimate, spawn, terminate, accept (Sui et al. 2017, eq. 4)."""
+
+import dataclasses
+from typing import Protocol
+
+import numpy as np
+
+from sum_drake.association import AssociationConfig
+from sum_drake.existence import track_probability
+from sum_drake.filtering import FilterConfig, PoseEstimate, predict
+from sum_drake.types import (
+    Association,
+    Associations,
+    Box,
+    Detections,
+    Frame,
+    PickPlace,
+    PoseBelief,
+    SceneBelief,
+    Track,
+)
+
+
+class Estimator(Protocol):
+    """Anything that estimates one object's pose in one box; `filtering.PoseEstimator` is one."""
+
+    def estimate(
+        self, frame: Frame, box: Box, label: str, *, rng: np.random.Generator, prior: PoseBelief | None = None
+    ) -> PoseEstimate:
+        """The pose belief given the frame's depth in the box; from scratch where there is no prior."""
+
+
+@dataclasses.dataclass
+class AcceptanceConfig:
+    """When a track counts as an object."""
+
+    threshold: float = 0.5
+    """Least probability of an accepted track."""
+
+
+def update(
+    held: SceneBelief,
+    frame: Frame,
+    detections: Detections,
+    associations: Associations,
+    action: PickPlace | None,
+    estimator: Estimator,
+    *,
+    filter_config: FilterConfig,
+    association_config: AssociationConfig,
+    acceptance: AcceptanceConfig,
+    unique_labels: bool,
+    seed: int,
+) -> SceneBelief:
+    """The belief after an observation. Raises ValueError if the three inputs speak of different observations."""
+    if not frame.observation == detections.observation == associations.observation:
+        raise ValueError(
+            f"frame {frame.observation}, detections {detections.observation} and associations "
+            f"{associations.observation} are of different observations; expected one"
+        )
+    matched = {pair.track: pair for pair in associations.pairs if pair.track is not None}
+    tracks = []
+    for track in held.tracks:
+        rng = np.random.default_rng([seed, track.id, frame.observation])
+        predicted = _predict(track, action, rng, filter_config)
+        if track.id in matched:
+            tracks.append(_estimate(track, matched[track.id], predicted, frame, detections, estimator, rng))
+        elif frame.observation - track.seen < association_config.max_missed:
+            tracks.append(dataclasses.replace(track, belief=predicted, accepted=False))
+    next_id = held.next_id
+    for pair in associations.pairs:
+        if pair.track is None:
+            rng = np.random.default_rng([seed, next_id, frame.observation])
+            tracks.append(_estimate(next_id, pair, None, frame, detections, estimator, rng))
+            next_id += 1
+    accepted = _accept(tracks, frame.observation, acceptance, unique_labels)
+    return SceneBelief(frame.observation, accepted, next_id)
+
+
+def _predict(track: Track, action: PickPlace | None, rng: np.random.Generator, config: FilterConfig) -> PoseBelief:
+    """The action model, eq. 10."""
+    is_target = action is not None and action.track == track.id
+    return predict(track.belief, action, is_target=is_target, rng=rng, config=config)
+
+
+def _estimate(
+    track: Track | int,
+    pair: Association,
+    prior: PoseBelief | None,
+    frame: Frame,
+    detections: Detections,
+    estimator: Estimator,
+    rng: np.random.Generator,
+) -> Track:
+    """The track (or a new one of that id) after its association with a box."""
+    detection = detections.boxes[pair.detection]
+    p_label = dict(detection.p_labels)[pair.label]
+    estimate = estimator.estimate(frame, detection.box, pair.label, rng=rng, prior=prior)
+    return Track(
+        id=track if isinstance(track, int) else track.id,
+        label=pair.label,
+        box=detection.box,
+        p_box=detection.p_box,
+        p_label=p_label,
+        belief=estimate.belief,
+        X_WO=estimate.X_WO,
+        likelihood=estimate.likelihood,
+        probability=track_probability(detection.p_box, p_label, estimate.likelihood),
+        accepted=False,
+        born=frame.observation if isinstance(track, int) else track.born,
+        seen=frame.observation,
+        features=estimate.features,
+    )
+
+
+def _accept(tracks: list[Track], observation: int, config: AcceptanceConfig, unique_labels: bool) -> tuple[Track, ...]:
+    """Tracks with `accepted` decided: likeliest first, each taking its box and, where labels are unique, its label."""
+    taken_boxes: set[Box] = set()
+    taken_labels: set[str] = set()
+    accepted: set[int] = set()
+    for track in sorted(tracks, key=lambda t: (-t.probability, t.id)):
+        rivals_won = track.box in taken_boxes or (unique_labels and track.label in taken_labels)
+        if track.seen == observation and track.probability >= config.threshold and not rivals_won:
+            accepted.add(track.id)
+            taken_boxes.add(track.box)
+            taken_labels.add(track.label)
+    return tuple(dataclasses.replace(track, accepted=track.id in accepted) for track in tracks)

@@ -1,0 +1,68 @@
+"""The one place that holds what is believed of the scene."""
+
+from collections.abc import Callable
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
+
+from sum_drake.types import (
+    Associations,
+    Detections,
+    Frame,
+    Perception,
+    PickPlace,
+    SceneBelief,
+)
+
+UpdateBelief = Callable[[SceneBelief, Frame, Detections, Associations, PickPlace | None], SceneBelief]
+"""`belief.update` with its estimator and configuration bound."""
+
+
+class SceneEstimator(LeafSystem):
+    """Latches one `types.Perception` for each rise of the `observe` counter; holds the belief in between.
+
+    .. pydrake_system::
+
+        name: SceneEstimator
+        input_ports:
+        - observe
+        - frame
+        - detections
+        - associations
+        - executed_action
+        output_ports:
+        - scene_belief
+        - perception
+
+    Its one update pulls frame, detections and associations, so that all three are of this observation. Systems that
+    updated on the counter each for itself would see one another's results of the observation before.
+    """
+
+    def __init__(self, *, update_belief: UpdateBelief, period: float) -> None:
+        super().__init__()
+        self._update_belief = update_belief
+        self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
+        self._frame = self.DeclareAbstractInputPort("frame", Value[object](None))
+        self._detections = self.DeclareAbstractInputPort("detections", Value[object](None))
+        self._associations = self.DeclareAbstractInputPort("associations", Value[object](None))
+        self._action = self.DeclareAbstractInputPort("executed_action", Value[object](None))
+        self._belief = self.DeclareAbstractState(Value[object](SceneBelief()))
+        self._perception = self.DeclareAbstractState(Value[object](None))
+        self.DeclareStateOutputPort("scene_belief", self._belief)
+        self.DeclareStateOutputPort("perception", self._perception)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        held: SceneBelief = context.get_abstract_state(self._belief).get_value()
+        step = round(self._observe.Eval(context)[0]) - 1
+        if step == held.observation:
+            return EventStatus.DidNothing()
+        frame: Frame = self._frame.Eval(context)
+        detections: Detections = self._detections.Eval(context)
+        associations: Associations = self._associations.Eval(context)
+        action: PickPlace | None = self._action.Eval(context)
+        posterior = self._update_belief(held, frame, detections, associations, action)
+        record = Perception(step, frame, detections.boxes, associations.pairs, held, posterior, action)
+        state.get_mutable_abstract_state(self._belief).set_value(posterior)
+        state.get_mutable_abstract_state(self._perception).set_value(record)
+        return EventStatus.Succeeded()
