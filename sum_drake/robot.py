@@ -72,7 +72,9 @@ CAMERA_ORIGIN = (0.055, 0.0, 0.0225)
 ARM_JOINTS = (TORSO, *ARM)
 """The 8 joints that planning moves, in the order of every q in this project."""
 JOINTS = (*ARM_JOINTS, *HEAD, *FINGERS)
-"""All 12 actuated joints, in the order of the station's ports."""
+"""All 12 actuated joints, in the order of the station's desired state and effort."""
+STATE_JOINTS = (*ARM_JOINTS, *FINGERS, *HEAD)
+"""The same in the plant's own order (depth first through the URDF), that of the station's measured state."""
 
 ACCELERATION = readonly([0.3, 1.5, 1.5, 1.5, 1.5, 2.0, 2.5, 2.5])
 """Acceleration limits of ARM_JOINTS, m/s^2 and rad/s^2: ours, Fetch publishes none."""
@@ -112,3 +114,33 @@ def limits() -> tuple[Array, Array]:
 def velocity_limits() -> Array:
     """Speed limits of ARM_JOINTS, (8,)."""
     return np.array([j.velocity for j in ARM_JOINTS])
+
+
+def arm_positions(state: Array) -> Array:
+    """Positions (8,) of ARM_JOINTS from the station's measured state (24,)."""
+    return np.array(state[: len(ARM_JOINTS)])
+
+
+def arm_velocities(state: Array) -> Array:
+    """Velocities (8,) of ARM_JOINTS from the station's measured state (24,)."""
+    first = len(STATE_JOINTS)
+    return np.array(state[first : first + len(ARM_JOINTS)])
+
+
+def finger_gap(state: Array) -> float:
+    """Distance between the fingers, metres, from the station's measured state (24,)."""
+    first = len(ARM_JOINTS)
+    return float(np.sum(state[first : first + len(FINGERS)]))
+
+
+def desired_state(q: Array, gap: float, *, v: Array | None = None, head: Array = VIEW_HEAD) -> Array:
+    """The station's desired state (24,): positions, then velocities, of JOINTS.
+
+    q, v: positions and velocities (8,) of ARM_JOINTS; gap: distance between the fingers, metres, to which they are
+    driven with limited force; head: pan and tilt (2,).
+    """
+    fingers = np.full(len(FINGERS), gap / 2)
+    rates = np.zeros(len(JOINTS))
+    if v is not None:
+        rates[: len(ARM_JOINTS)] = v
+    return np.concatenate([q, head, fingers, rates])
