@@ -83,7 +83,7 @@ JERK = readonly([3.0, 15.0, 15.0, 15.0, 15.0, 20.0, 25.0, 25.0])
 
 VIEW = readonly([0.30, 1.32, 1.40, -0.20, 1.72, 0.0, 1.66, 0.0])
 """ARM_JOINTS where the arm is tucked beside the robot, out of the camera's view of the table and the bins' rims."""
-VIEW_HEAD = readonly([0.0, 0.75])
+VIEW_HEAD = readonly([0.0, 0.85])
 """Head pan and tilt that centre the table in the picture."""
 
 
