@@ -1,0 +1,232 @@
+"""The object catalogue: what the robot knows of each kind of object, ours or a user's own."""
+
+import dataclasses
+import functools
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sum_drake.assets import MODELS, InputError
+from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group
+from sum_drake.types import Array, Immutable
+
+if TYPE_CHECKING:
+    import trimesh
+
+CATALOGUE = MODELS / "objects" / "catalogue.yaml"
+LARGEST = 2.0
+"""Metres: a mesh larger than this is taken to be in millimetres."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ObjectModel(Immutable):
+    """One kind of object. Its frame O is the mesh's."""
+
+    label: str
+    mesh: Path
+    """Visual mesh in metres: OBJ, or anything trimesh reads."""
+    category: str
+    symmetry: Symmetry
+    """Of the shape; the print does not count."""
+    dimensions: tuple[float, float, float]
+    """Extents of the mesh along O's axes, metres."""
+    mass: float | None = None
+    """Kilograms; None where the catalogue does not say."""
+    sdf: Path | None = None
+    """Simulation model, one free link named as the label; None for a user's mesh."""
+    collision: tuple[Path, ...] = ()
+    """Convex pieces in O, OBJ; empty where the catalogue gives none."""
+    source: str = ""
+    """Where the dimensions come from."""
+
+    def load_mesh(self) -> "trimesh.Trimesh":
+        """The mesh, welded: vertices that differ in normal or texture only are one. Cached; do not modify it."""
+        return _load_mesh(self.mesh)
+
+    def load_collision(self) -> list["trimesh.Trimesh"]:
+        """The convex pieces, or the convex hull of the mesh where there are none."""
+        if not self.collision:
+            return [self.load_mesh().convex_hull]
+        return [_load_mesh(path) for path in self.collision]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Catalogue(Immutable, Mapping[str, ObjectModel]):
+    """Object models by label, in the file's order."""
+
+    path: Path
+    models: tuple[ObjectModel, ...]
+
+    @functools.cached_property
+    def _by_label(self) -> dict[str, ObjectModel]:
+        return {model.label: model for model in self.models}
+
+    def __getitem__(self, label: str) -> ObjectModel:
+        if label not in self._by_label:
+            raise InputError(f"label '{label}' is not in {self.path}: expected one of {', '.join(self.labels)}")
+        return self._by_label[label]
+
+    def __contains__(self, label: object) -> bool:
+        return label in self._by_label
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_label)
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """All labels, in the file's order."""
+        return tuple(model.label for model in self.models)
+
+    @property
+    def categories(self) -> tuple[str, ...]:
+        """All categories, each once, in the order in which they first appear."""
+        return tuple(dict.fromkeys(model.category for model in self.models))
+
+
+@functools.lru_cache(maxsize=256)
+def _load_mesh(path: Path) -> "trimesh.Trimesh":
+    import trimesh
+
+    if not path.is_file():
+        raise InputError(f"mesh {path} is missing: expected a file in metres that trimesh reads, such as an OBJ")
+    try:
+        mesh = trimesh.load(path, force="mesh", skip_materials=True)
+    except Exception as error:
+        raise InputError(
+            f"mesh {path} cannot be read: {' '.join(str(error).split()) or type(error).__name__}"
+        ) from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InputError(f"mesh {path} has no faces: expected a triangle mesh")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"mesh {path} has vertices that are not finite: expected metres")
+    mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    mesh.merge_vertices()
+    extent = float(mesh.extents.max())
+    if extent > LARGEST:
+        raise InputError(
+            f"mesh {path} is {extent:.4g} m long: expected metres and at most {LARGEST:g} m (is it in millimetres?)"
+        )
+    return mesh
+
+
+_KEYS = {"mesh", "category", "symmetry", "mass", "sdf", "collision", "source"}
+
+
+class _UniqueKeys:
+    """Loads YAML like `yaml.safe_load`, but raises InputError on a repeated key."""
+
+    @staticmethod
+    def load(path: Path) -> Any:
+        import yaml
+
+        class Loader(yaml.SafeLoader):
+            pass
+
+        def mapping(loader: Any, node: Any) -> dict[Any, Any]:
+            keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
+            for key in keys:
+                if keys.count(key) > 1:
+                    raise InputError(f"{path}: '{key}' is given twice: expected every label and key once")
+            return {
+                key: loader.construct_object(value, deep=True) for key, (_, value) in zip(keys, node.value, strict=True)
+            }
+
+        Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
+        try:
+            return yaml.load(path.read_text(), Loader)
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+
+
+def load_catalogue(path: Path | None = None) -> Catalogue:
+    """Reads a catalogue; None is the catalogue of the fifteen objects that come with the package.
+
+    The file: `objects: {label: {mesh, category, symmetry, mass, sdf, collision, source}}`, of which mesh and category
+    are needed; paths are relative to the file. Raises InputError for anything that cannot be used.
+    """
+    path = CATALOGUE if path is None else Path(path)
+    if not path.is_file():
+        raise InputError(
+            f"catalogue {path} is missing: expected a YAML file with objects: {{label: {{mesh, category}}}}"
+        )
+    data = _UniqueKeys.load(path)
+    objects = data.get("objects") if isinstance(data, dict) else None
+    if not isinstance(objects, dict) or not objects:
+        raise InputError(f"{path}: expected objects: {{label: {{mesh, category, ...}}}}, at least one")
+    extra = sorted(set(data) - {"objects"}, key=str)
+    if extra:
+        raise InputError(f"{path}: unknown key '{extra[0]}': expected only 'objects'")
+    return Catalogue(path, tuple(_read_model(path, label, entry) for label, entry in objects.items()))
+
+
+def _read_model(path: Path, label: object, entry: object) -> ObjectModel:
+    where = f"{path}: object '{label}'"
+    if not isinstance(label, str) or not label:
+        raise InputError(f"{where}: expected a label that is text")
+    if not isinstance(entry, dict):
+        raise InputError(f"{where}: expected {{mesh, category, ...}}")
+    for key in entry:
+        if key not in _KEYS:
+            raise InputError(f"{where}: unknown key '{key}': expected {', '.join(sorted(_KEYS))}")
+    for key in ("mesh", "category"):
+        if not isinstance(entry.get(key), str) or not entry[key]:
+            raise InputError(f"{where}: '{key}' is missing: expected text")
+    symmetry = entry.get("symmetry", "none")
+    if symmetry not in SYMMETRIES:
+        raise InputError(f"{where}: unknown symmetry '{symmetry}': expected one of {', '.join(SYMMETRIES)}")
+    mass = entry.get("mass")
+    if mass is not None and not (isinstance(mass, int | float) and not isinstance(mass, bool) and mass > 0):
+        raise InputError(f"{where}: mass is '{mass}': expected kilograms, more than 0")
+    collision = entry.get("collision", [])
+    if not isinstance(collision, list) or not all(isinstance(piece, str) for piece in collision):
+        raise InputError(f"{where}: collision is '{collision}': expected a list of mesh files")
+    sdf = entry.get("sdf")
+    if sdf is not None and not (path.parent / str(sdf)).is_file():
+        raise InputError(f"{where}: sdf {path.parent / str(sdf)} is missing: expected a simulation model")
+    pieces = tuple((path.parent / piece).resolve() for piece in collision)
+    for piece in pieces:
+        if not piece.is_file():
+            raise InputError(f"{where}: collision piece {piece} is missing: expected a convex mesh")
+    mesh = (path.parent / entry["mesh"]).resolve()
+    try:
+        extents = _load_mesh(mesh).extents
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+    return ObjectModel(
+        label=label,
+        mesh=mesh,
+        category=entry["category"],
+        symmetry=symmetry_group(symmetry),
+        dimensions=(float(extents[0]), float(extents[1]), float(extents[2])),
+        mass=None if mass is None else float(mass),
+        sdf=None if sdf is None else (path.parent / str(sdf)).resolve(),
+        collision=pieces,
+        source=str(entry.get("source", "")),
+    )
+
+
+def sample_surface(model: ObjectModel, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """`n` points (n, 3) spread evenly over the mesh's area, in O, and their outward face normals (n, 3)."""
+    mesh = model.load_mesh()
+    area = np.cumsum(mesh.area_faces)
+    # Stratified: one point in each of n equal shares of the area, so that few points already cover the shape.
+    at = (np.arange(n) + rng.random(n)) / n * area[-1]
+    face = np.minimum(np.searchsorted(area, at), len(area) - 1)
+    u, v = rng.random((2, n, 1))
+    root = np.sqrt(u)
+    a, b, c = np.moveaxis(mesh.triangles[face], 1, 0)
+    return (1 - root) * a + root * (1 - v) * b + root * v * c, np.array(mesh.face_normals[face])
+
+
+def draw_labels(catalogue: Catalogue, count: int, rng: np.random.Generator) -> tuple[str, ...]:
+    """`count` different labels in random order. Raises InputError for a count the catalogue cannot give."""
+    if not 1 <= count <= len(catalogue):
+        raise InputError(
+            f"--objects {count}: expected a count from 1 to {len(catalogue)}, as many as {catalogue.path} holds"
+        )
+    return tuple(catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count])
