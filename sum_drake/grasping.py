@@ -1,0 +1,536 @@
+"""Grasps from an object's mesh, and their order in a scene.
+
+After ten Pas and Platt, "Localizing handle-like grasp affordances in 3D point clouds" (ISER 2014), as Sui et al. 2017
+use it: hand frames are set up on Darboux frames (surface normal and principal curvature axes) of sampled surface
+points, and kept where the hand fits and both pads find antipodal contact. Here the points come from the object's mesh
+rather than from the depth image, because the pose of the mesh is what the robot estimates.
+
+In a hand frame G (x out of the palm, y closing, origin between the pads) a grasp and its half-turn about x touch the
+same spots with the fingers exchanged. Only one of the two is listed; they are different arm configurations, so try
+`half_turn(X_WG)` as well.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sum_drake.geometry import apply, inverse, transform
+from sum_drake.objects import ObjectModel
+from sum_drake.robot import HAND
+from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+@dataclasses.dataclass
+class GraspConfig:
+    """How grasps are generated and ranked; SI units."""
+
+    samples: int = 500
+    """Surface points on which hand frames are set up."""
+    spacing: float = 0.003
+    """Mean distance of the points that stand for the object's surface when the hand is tested against it."""
+    directions: int = 8
+    """Approach directions about the closing axis at each sample; a multiple of 4 includes the principal axes."""
+    depths: int = 3
+    """Depths of the hand along each approach direction, from the deepest that the object leaves room for."""
+    candidates: int = 1000
+    """At most this many grasps of an object, spread over it."""
+    friction: float = 0.5
+    """Coefficient assumed at the pads, below the real one (.7) so that contacts are not on the edge of slipping."""
+    contact_depth: float = 0.002
+    """Surface within this depth of the outermost point counts as touched by a pad."""
+    contact_area: float = 4e-4
+    """Touched area of a pad, m^2, from which on more does not make a better contact."""
+    clearance: float = 0.008
+    """Free space between an open finger and the object, on each side."""
+    palm_clearance: float = 0.003
+    """Free space between the palm and the object."""
+    table_clearance: float = 0.005
+    """Free space between the hand and the table."""
+    neighbour_clearance: float = 0.002
+    """Free space between the hand and whatever is not the object."""
+    approach: float = 0.1
+    """Length of the straight approach along G's x axis that must be free of neighbours."""
+    max_tilt: float = 1.5
+    """Largest angle between the approach direction and straight down, radians."""
+    particles: int = 12
+    """Poses drawn from the belief on which a grasp is tried out."""
+    min_survival: float = 0.2
+    """Share of those poses for which a grasp must hold."""
+    weight_contact: float = 1.0
+    """Weight of the contact quality in the score."""
+    weight_above: float = 0.6
+    """Weight of approaching from above."""
+    weight_room: float = 0.3
+    """Weight of room to the neighbours."""
+    weight_balance: float = 0.6
+    """Weight of holding the object near its centre of mass."""
+
+
+CAUSES = (
+    "approach_from_below", "table", "neighbour_finger", "neighbour_palm", "neighbour_approach", "belief_too_wide",
+)  # fmt: skip
+"""Why `rank_grasps` drops a candidate, in the order in which the causes are tested:
+
+approach_from_below: the approach direction is more than `max_tilt` away from straight down; table: the hand would come
+closer to the table than `table_clearance`; neighbour_finger, neighbour_palm, neighbour_approach: an obstacle point
+lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way; belief_too_wide: the grasp
+holds for less than `min_survival` of the belief.
+"""
+
+HAND_PARTS = ("fingers", "palm", "approach")
+"""The volumes of `hand_clearances`, in its order."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RankedGrasps(Immutable):
+    """What is left of an object's candidates in a scene, best first."""
+
+    grasps: tuple[Grasp, ...]
+    X_WGs: Array
+    """(n, 4, 4) at the estimated pose of the object."""
+    gaps: Array
+    """(n,): distance between the fingers during the approach; neighbours were tested with it, so open no wider."""
+    scores: Array
+    """(n,)."""
+    rejected_by: tuple[tuple[str, int], ...]
+    """Number of candidates dropped for each of CAUSES."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surface(Immutable):
+    """Evenly spread points on an object's surface; so is every leading part of them."""
+
+    p_OQs: Array
+    """(n, 3)."""
+    normals_O: Array
+    """(n, 3), unit length, outward."""
+    area: float
+    """Of the whole surface, m^2."""
+
+
+def half_turn(X_WG: Array) -> Array:
+    """The same grasp with the fingers exchanged: G turned by pi about its x axis; (..., 4, 4)."""
+    turned: Array = X_WG @ np.diag([1.0, -1.0, -1.0, 1.0])
+    return turned
+
+
+def opening(width: float | Array, config: GraspConfig) -> Array:
+    """Distance between the open fingers before a grasp of `width`, metres."""
+    return np.minimum(np.asarray(width) + 2 * config.clearance, HAND.gap_max)
+
+
+def grasp_candidates(model: ObjectModel, *, config: GraspConfig, seed: int) -> tuple[Grasp, ...]:
+    """Grasps all over an object, whatever its pose: antipodal, no wider than the hand, free of the object itself.
+
+    A function of its arguments; the last few results are kept in memory.
+    """
+    return _candidates(model, dataclasses.astuple(config), seed)
+
+
+def rank_grasps(
+    candidates: Sequence[Grasp],
+    *,
+    model: ObjectModel,
+    X_WO: Array,
+    belief: PoseBelief,
+    points_W: Array,
+    table_height: float,
+    config: GraspConfig,
+    centre_of_mass: Array | None = None,
+) -> RankedGrasps:
+    """Drops the candidates that the scene forbids and orders the others, best first.
+
+    Args:
+        candidates: of `grasp_candidates(model, ...)`.
+        X_WO: (4, 4), the estimated pose, on which the hand poses are based.
+        belief: the particles over which a grasp should hold.
+        points_W: (m, 3) on surfaces that the hand must not touch: neighbours and unexplained depth.
+        table_height: of the table's top, metres.
+        centre_of_mass: (3,) in O; the centre of the mesh's box if None.
+    """
+    X_OGs = np.array([grasp.X_OG for grasp in candidates]).reshape(-1, 4, 4)
+    widths = np.array([grasp.width for grasp in candidates])
+    qualities = np.array([grasp.quality for grasp in candidates])
+    X_WGs = X_WO @ X_OGs
+    gaps = opening(widths, config)
+
+    cause = np.full(len(X_WGs), -1)
+
+    def reject(which: str, bad: Mask) -> None:
+        cause[(cause < 0) & bad] = CAUSES.index(which)
+
+    above = -X_WGs[:, 2, 0]  # cosine of the approach direction with straight down
+    reject("approach_from_below", above < np.cos(config.max_tilt))
+    reject("table", lowest_point(X_WGs, gaps) < table_height + config.table_clearance)
+    clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    left = cause < 0
+    clearances[left] = hand_clearances(X_WGs[left], gaps[left], points_W, approach=config.approach)
+    for part, which in enumerate(("neighbour_finger", "neighbour_palm", "neighbour_approach")):
+        reject(which, clearances[:, part] < config.neighbour_clearance)
+
+    cloud = surface(model, config.spacing)
+    survival = np.zeros(len(X_WGs))
+    left = cause < 0
+    survival[left] = _survival(cloud, X_WGs[left], gaps[left], belief, config)
+    reject("belief_too_wide", survival < config.min_survival)
+
+    centre = cloud.p_OQs.min(0) / 2 + cloud.p_OQs.max(0) / 2 if centre_of_mass is None else np.asarray(centre_of_mass)
+    arm_W = apply(X_WO, centre[None])[0] - X_WGs[:, :3, 3]
+    # Gravity's moment arm about the closing axis twists the object between the pads, which only friction resists;
+    # the arm across it is taken by the pads' normal forces.
+    twist = np.abs(arm_W[:, 1] * X_WGs[:, 0, 1] - arm_W[:, 0] * X_WGs[:, 1, 1])
+    balance = 1.0 - np.minimum((twist + np.linalg.norm(arm_W[:, :2], axis=1)) / 0.2, 1.0)
+    room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
+    scores = survival * (
+        config.weight_contact * qualities
+        + config.weight_above * above
+        + config.weight_room * room
+        + config.weight_balance * balance
+    )
+    order = np.argsort(-np.where(cause < 0, scores, -np.inf), kind="stable")[: np.count_nonzero(cause < 0)]
+    return RankedGrasps(
+        grasps=tuple(candidates[i] for i in order),
+        X_WGs=readonly(X_WGs[order]),
+        gaps=readonly(gaps[order]),
+        scores=readonly(scores[order]),
+        rejected_by=tuple((name, int(np.count_nonzero(cause == i))) for i, name in enumerate(CAUSES)),
+    )
+
+
+def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: float) -> Array:
+    """How far obstacle points stay away from each of HAND_PARTS, metres; negative inside; inf without points.
+
+    Distances are to boxes in the largest-component norm, which never exceeds the Euclidean distance. `fingers` takes
+    in the space between them, since what stands there is grasped too; `approach` is the space behind the palm that the
+    hand passes through on a straight approach of that length.
+
+    Args:
+        X_WGs: (n, 4, 4).
+        gaps: (n,) distances between the fingers.
+        points_W: (m, 3).
+
+    Returns:
+        (n, 3).
+    """
+    clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    if len(X_WGs) == 0:
+        return clearances
+    reach = np.hypot(HAND.pad_x[1] - HAND.palm_x[0] + approach, 0.1)
+    centre = X_WGs[:, :3, 3].mean(0)
+    radius = np.linalg.norm(X_WGs[:, :3, 3] - centre, axis=1).max() + reach
+    points_W = points_W[np.linalg.norm(points_W - centre, axis=1) < radius]
+    for i, (X_GW, gap) in enumerate(zip(inverse(X_WGs), gaps, strict=True)):
+        p_GQ = apply(X_GW, points_W)
+        for part, (lower, upper) in enumerate(_hand_boxes(gap, approach)):
+            clearances[i, part] = np.maximum(lower - p_GQ, p_GQ - upper).max(-1).min(initial=np.inf)
+    return clearances
+
+
+def hand_collisions(X_WGs: Array, gaps: Array, points_W: Array, *, margin: float, approach: float = 0.1) -> Mask:
+    """Whether obstacle points come closer than `margin` to each of HAND_PARTS: (n, 3), see `hand_clearances`."""
+    return hand_clearances(X_WGs, gaps, points_W, approach=approach) < margin
+
+
+def lowest_point(X_WGs: Array, gaps: Array) -> Array:
+    """Height of the lowest point of hands (n, 4, 4) opened to `gaps` (n,)."""
+    lowest = np.full(len(X_WGs), np.inf)
+    z_G = X_WGs[:, 2, :3]  # world's up in G
+    for part in range(2):
+        lower, upper = np.moveaxis(np.array([_hand_boxes(gap, 0.0)[part] for gap in gaps]).reshape(-1, 2, 3), 1, 0)
+        low = X_WGs[:, 2, 3] + np.minimum(z_G * lower, z_G * upper).sum(1)
+        lowest = np.minimum(lowest, low)
+    return lowest
+
+
+def _hand_boxes(gap: float, approach: float) -> tuple[tuple[Array, Array], ...]:
+    """Lower and upper corners in G of HAND_PARTS."""
+    side = gap / 2 + HAND.pad_thickness
+    y, z = HAND.palm_half
+    return (
+        (np.array([HAND.pad_x[0], -side, -HAND.pad_half_width]), np.array([HAND.pad_x[1], side, HAND.pad_half_width])),
+        (np.array([HAND.palm_x[0], -y, -z]), np.array([HAND.palm_x[1], y, z])),
+        (np.array([HAND.palm_x[0] - approach, -y, -z]), np.array([HAND.palm_x[0], y, z])),
+    )
+
+
+# Candidates
+
+
+@functools.lru_cache(maxsize=64)
+def surface(model: ObjectModel, spacing: float) -> Surface:
+    """Quasi-random points on the model's mesh, one for each `spacing` squared, at most 12,000; kept in memory."""
+    mesh = model.load_mesh()
+    vertices = np.asarray(mesh.vertices, dtype=float)
+    faces = np.asarray(mesh.faces)
+    corners = vertices[faces]  # (f, 3, 3)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(cross, axis=1)
+    flat = cross / np.maximum(2 * areas, 1e-15)[:, None]
+    # Vertex normals make a coarse mesh round, but only where it is meant to be: not across sharp edges.
+    normals = np.asarray(mesh.vertex_normals, dtype=float)[faces]
+    smooth = np.einsum("fck,fk->fc", normals, flat) > np.cos(0.5)
+    normals = np.where(smooth[..., None], normals, flat[:, None])
+
+    # Roberts' R3 sequence: spread more evenly than independent draws, and so is each of its beginnings.
+    count = int(np.clip(areas.sum() / spacing**2, 1000, 12000))
+    root = 1.2207440846057596  # of x^4 = x + 1
+    u = (0.5 + np.arange(1, count + 1)[:, None] * root ** -np.arange(1.0, 4.0)) % 1.0
+    face = np.searchsorted(np.cumsum(areas), u[:, 0] * areas.sum()).clip(max=len(faces) - 1)
+    s = np.sqrt(u[:, 1])
+    barycentric = np.stack([1 - s, s * (1 - u[:, 2]), s * u[:, 2]], 1)
+    n = np.einsum("nc,nck->nk", barycentric, normals[face])
+    return Surface(
+        p_OQs=readonly(np.einsum("nc,nck->nk", barycentric, corners[face])),
+        normals_O=readonly(n / np.linalg.norm(n, axis=1, keepdims=True)),
+        area=float(areas.sum()),
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _candidates(model: ObjectModel, settings: tuple[Any, ...], seed: int) -> tuple[Grasp, ...]:
+    config = GraspConfig(*settings)
+    cloud = surface(model, config.spacing)
+    count = min(config.samples, len(cloud.p_OQs))
+    start = int(np.random.default_rng(seed).integers(len(cloud.p_OQs) - count + 1))
+    samples = np.arange(start, start + count)
+    axes = _principal_directions(cloud, samples)
+    found: list[tuple[Array, float, float]] = []
+    for sample, width in _opposite_contacts(model, cloud, samples, config):
+        found += _grasps_across(
+            cloud, cloud.p_OQs[sample], cloud.normals_O[sample], axes[sample - start], width, config
+        )
+    if not found:
+        return ()
+    X_OGs, widths, qualities = (np.array(column) for column in zip(*found, strict=True))
+    return tuple(
+        Grasp(model.label, readonly(X_OGs[i]), float(widths[i]), float(qualities[i]))
+        for i in _spread(X_OGs, qualities, config.candidates)
+    )
+
+
+def _opposite_contacts(
+    model: ObjectModel, cloud: Surface, samples: Indices, config: GraspConfig
+) -> list[tuple[int, float]]:
+    """(sample, width) wherever the line into the surface at a sample leaves the object within the hand's reach, through
+    a surface that the other pad can press on. A thin wall and what lies behind it give one each.
+    """
+    p, d = cloud.p_OQs[samples], -cloud.normals_O[samples]
+    t, leaving = _crossings(model, p, d)
+    eps = 1e-5
+    step = np.where(np.isfinite(t), np.where(leaving > 0, -1, 1), 0)
+    # Shells may overlap (a handle's end sunk into a jug): count how deep inside of them the line runs. Walking
+    # backwards from the sample, entering and leaving are exchanged.
+    buried = (np.where(t < -eps, step, 0)).sum(1) > 0
+    cone = np.cos(np.arctan(config.friction))
+    pairs = []
+    for row in np.flatnonzero(~buried):
+        hits = np.flatnonzero(t[row] > eps)
+        hits = hits[np.argsort(t[row, hits])]
+        inside = 1 + np.cumsum(step[row, hits])
+        for hit, depth in zip(hits, inside, strict=True):
+            if opening(t[row, hit], config) < t[row, hit] + 2 * config.clearance:
+                break
+            if depth <= 0 and leaving[row, hit] > cone:
+                pairs.append((int(samples[row]), float(t[row, hit])))
+    return pairs
+
+
+def _crossings(model: ObjectModel, p: Array, d: Array) -> tuple[Array, Array]:
+    """Where lines p + t d cross the mesh: t (n, f), nan where they miss, and d's cosine with the outward normals.
+
+    A line meets a triangle when it passes all three edges on the same side, which are products of Pluecker
+    coordinates: matrix products over all pairs.
+    """
+    mesh = model.load_mesh()
+    corners = np.asarray(mesh.vertices, dtype=float)[np.asarray(mesh.faces)]
+    line = np.hstack([d, np.cross(p, d)])  # (n, 6)
+    sides = []
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        edge = corners[:, b] - corners[:, a]
+        sides.append(line @ np.hstack([np.cross(corners[:, a], edge), edge]).T)
+    side = np.stack(sides)  # (3, n, f)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = cross / np.maximum(np.linalg.norm(cross, axis=1), 1e-15)[:, None]
+    cosine = d @ normals.T
+    hit = ((side > 0).all(0) | (side < 0).all(0)) & (np.abs(cosine) > 1e-9)
+    offset = np.einsum("fk,fk->f", corners[:, 0], normals) - p @ normals.T
+    return np.where(hit, offset / np.where(hit, cosine, 1.0), np.nan), cosine
+
+
+def _principal_directions(cloud: Surface, samples: Indices) -> Array:
+    """Principal curvature directions at samples: (n, 3), tangent; the other one is their cross product with the normal.
+
+    The shape operator is fitted to the neighbours' normals, dn = S du. Where the surface bends alike in all
+    directions there are no such axes: the object's own axis that lies flattest on it stands in, so that boxes are
+    grasped squarely.
+    """
+    p, n = cloud.p_OQs[samples], cloud.normals_O[samples]
+    # Any tangent basis; the object's own axis closest to the tangent plane makes it a useful one.
+    flattest = np.eye(3)[np.argmin(np.abs(n), axis=1)]
+    e1 = flattest - np.einsum("ni,ni->n", flattest, n)[:, None] * n
+    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+    e2 = np.cross(n, e1)
+    _, near = cKDTree(cloud.p_OQs).query(p, k=32)
+    du = cloud.p_OQs[near] - p[:, None]  # (n, k, 3)
+    dn = cloud.normals_O[near] - n[:, None]
+    same_side = (np.einsum("nki,ni->nk", cloud.normals_O[near], n) > 0.5).astype(float)
+    u, v = np.einsum("nki,ni->nk", du, e1), np.einsum("nki,ni->nk", du, e2)
+    a, b = np.einsum("nki,ni->nk", dn, e1), np.einsum("nki,ni->nk", dn, e2)
+    # Least squares for S = [[s, m], [m, r]]: rows s u + m v = a and m u + r v = b.
+    zero = np.zeros_like(u)
+    rows = np.concatenate([np.stack([u, v, zero], -1), np.stack([zero, u, v], -1)], 1)  # (n, 2k, 3)
+    weighted = rows * np.concatenate([same_side, same_side], 1)[..., None]
+    normal_matrix = np.einsum("nki,nkj->nij", weighted, rows) + 1e-12 * np.eye(3)
+    right = np.einsum("nki,nk->ni", weighted, np.concatenate([a, b], 1))
+    s, m, r = np.moveaxis(np.linalg.solve(normal_matrix, right[..., None])[..., 0], -1, 0)
+    angle = 0.5 * np.arctan2(2 * m, s - r)
+    angle = np.where(np.hypot(s - r, 2 * m) > 3.0, angle, 0.0)  # 1/m: less is noise of the fit
+    axes: Array = np.cos(angle)[:, None] * e1 + np.sin(angle)[:, None] * e2
+    return axes
+
+
+def _grasps_across(
+    cloud: Surface, p_OQ: Array, normal: Array, axis: Array, width: float, config: GraspConfig
+) -> list[tuple[Array, float, float]]:
+    """(X_OG, width, quality) of the grasps that close along `normal` on a contact at p_OQ and one `width` behind it."""
+    gap = float(opening(width, config))
+    centre = p_OQ - 0.5 * width * normal
+    angles = 2 * np.pi * np.arange(config.directions) / config.directions
+    other = np.cross(normal, axis)
+    approach = np.cos(angles)[:, None] * axis + np.sin(angles)[:, None] * other  # (a, 3)
+    R_OGs = np.stack([approach, np.broadcast_to(normal, approach.shape), np.cross(approach, normal)], -1)
+
+    # How far the hand can come in each direction before a finger or the palm meets the object. Fingers and palm pass
+    # through all that lies behind them, so only the nearest point ahead counts.
+    q = cloud.p_OQs - centre
+    y = np.abs(q @ normal)
+    q, y, p_OQs, normals_O = (column[y < HAND.palm_half[0]] for column in (q, y, cloud.p_OQs, cloud.normals_O))
+    x, z = q @ R_OGs[:, :, 0].T, np.abs(q @ R_OGs[:, :, 2].T)  # (m, a)
+    beside = (y > gap / 2 - 1e-3) & (y < gap / 2 + HAND.pad_thickness + 1e-3)
+    in_finger = beside[:, None] & (z < HAND.pad_half_width + 1e-3)
+    in_palm = z < HAND.palm_half[1]
+    ahead_of_fingers = np.where(in_finger, x, np.inf).min(0) - 1e-3 - HAND.pad_x[1]
+    ahead_of_palm = np.where(in_palm, x, np.inf).min(0) - config.palm_clearance - HAND.palm_x[1]
+    margin = 0.008  # the contact lies at least this far from the ends of the pads
+    shallow, deep = -HAND.pad_x[1] + margin, -HAND.pad_x[0] - margin
+    deepest = np.minimum(np.minimum(ahead_of_fingers, ahead_of_palm), deep)
+
+    which = np.flatnonzero(deepest > shallow)
+    if len(which) == 0:
+        return []
+    share = np.arange(config.depths) / config.depths
+    depth = (deepest[which, None] - share * (deepest[which, None] - shallow)).ravel()
+    which = np.repeat(which, config.depths)
+    X_OGs = transform(R_OGs[which], centre + depth[:, None] * approach[which])
+
+    # The sampled contact itself keeps the pads at least `width` apart: nothing further in is touched.
+    local = (
+        (y > width / 2 - config.contact_depth) & (y < gap / 2) & (np.linalg.norm(q, axis=1) < np.hypot(0.055, gap / 2))
+    )
+    X_GOs = inverse(X_OGs)
+    p_GQs = apply(X_GOs, p_OQs[local])
+    n_Gs = normals_O[local] @ np.swapaxes(X_GOs[:, :3, :3], 1, 2)
+    low, high, quality = _contacts(p_GQs, n_Gs, np.full(len(X_OGs), gap), cloud.area / len(cloud.p_OQs), config)
+    # What the pads meet first may lie off the sampled line: centre the hand on it, unless that uses up the clearance.
+    shift = 0.5 * (low + high)
+    good = (quality > 0) & (np.abs(shift) < config.clearance / 2) & (high - low < width + config.clearance)
+    X_OGs[:, :3, 3] += np.where(good, shift, 0.0)[:, None] * normal
+    return [(X_OGs[i], float(high[i] - low[i]), float(quality[i])) for i in np.flatnonzero(good)]
+
+
+def _contacts(
+    p_GQs: Array, n_Gs: Array, gaps: Array, point_area: float, config: GraspConfig
+) -> tuple[Array, Array, Array]:
+    """What closing fingers would touch: y of the touched points and contact quality in [0, 1], 0 if it would not hold.
+
+    A pad presses on the points within `contact_depth` of the outermost one, the more the further out they lie, as in
+    hydroelastic contact. Both resultant forces must lie in the friction cone, and so must the line between their
+    points of attack (antipodal contact).
+
+    Args:
+        p_GQs, n_Gs: (b, m, 3) surface points and normals in each hand's frame.
+        gaps: (b,) distances between the open fingers.
+
+    Returns:
+        lowest y, highest y, quality: (b,) each.
+    """
+    x, y, z = np.moveaxis(p_GQs, -1, 0)
+    between = (x > HAND.pad_x[0]) & (x < HAND.pad_x[1]) & (np.abs(z) < HAND.pad_half_width)
+    between &= np.abs(y) < gaps[:, None] / 2
+    high = np.where(between, y, -np.inf).max(1)
+    low = np.where(between, y, np.inf).min(1)
+    touched = high > low
+    high, low = np.where(touched, high, 0.0), np.where(touched, low, 0.0)
+
+    cone = np.cos(np.arctan(config.friction))
+    quality = touched.astype(float)
+    attack = []
+    for sign, outermost in ((1.0, high), (-1.0, -low)):
+        depth = outermost[:, None] - sign * y
+        pressed = between & (sign * n_Gs[..., 1] > 0) & (depth < config.contact_depth)
+        pressure = np.where(pressed, config.contact_depth - depth, 0.0)  # (b, m)
+        total = np.maximum(pressure.sum(1), 1e-12)
+        force = np.einsum("bm,bmk->bk", pressure, n_Gs)
+        alignment = sign * force[:, 1] / np.maximum(np.linalg.norm(force, axis=1), 1e-12)
+        flatness = sign * force[:, 1] / total  # mean cosine: 1 on a face, less on an edge or a corner
+        area = np.minimum(pressed.sum(1) * point_area / config.contact_area, 1.0)
+        quality *= (alignment > cone) * np.sqrt(area) * flatness**2
+        attack.append(np.einsum("bm,bmk->bk", pressure, p_GQs) / total[:, None])
+    line = attack[0] - attack[1]
+    # On a thin wall the centres of two patches are a few points' spacing apart for no mechanical reason.
+    antipodal = np.hypot(line[:, 0], line[:, 2]) < config.friction * np.abs(line[:, 1]) + 0.004
+    return low, high, np.where(antipodal, quality, 0.0)
+
+
+def _spread(X_OGs: Array, qualities: Array, count: int) -> list[int]:
+    """Indices of at most `count` grasps that cover all of them: the best of each cell about farthest points."""
+    closing = X_OGs[:, :3, 1]
+    # The half-turn is the same grasp: give the closing axis a sign of its own.
+    largest = np.take_along_axis(closing, np.abs(closing).argmax(1)[:, None], 1)
+    features = np.hstack([X_OGs[:, :3, 3] / 0.01, X_OGs[:, :3, 0] / 0.3, closing * np.sign(largest) / 0.3])
+    distance = np.full(len(features), np.inf)
+    cell = np.zeros(len(features), dtype=int)
+    centre = int(np.argmax(qualities))
+    for k in range(min(count, len(features))):
+        to_centre = np.linalg.norm(features - features[centre], axis=1)
+        cell = np.where(to_centre < distance, k, cell)
+        distance = np.minimum(distance, to_centre)
+        centre = int(np.argmax(distance))
+        if distance[centre] < 0.5:
+            break
+    order = np.argsort(-qualities, kind="stable")
+    _, first = np.unique(cell[order], return_index=True)
+    return sorted(order[first].tolist(), key=lambda i: (-qualities[i], i))
+
+
+def _survival(cloud: Surface, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
+    """(n,) share of the belief for which hands at X_WGs reach the object untouched and hold it once closed."""
+    # Systematic draw without a random offset: the belief's quantiles, the same every time.
+    quantiles = (np.arange(config.particles) + 0.5) / config.particles
+    chosen = np.searchsorted(np.cumsum(belief.weights), quantiles * belief.weights.sum()).clip(
+        max=len(belief.weights) - 1
+    )
+    points = 500
+    p_OQs, normals_O = cloud.p_OQs[:points], cloud.normals_O[:points]
+    X_GWs = inverse(X_WGs)
+    survival = np.zeros(len(X_WGs))
+    for X_WO in belief.X_WOs[chosen]:
+        X_GOs = X_GWs @ X_WO
+        p_GQs = apply(X_GOs, p_OQs)  # (n, m, 3)
+        n_Gs = normals_O @ np.swapaxes(X_GOs[:, :3, :3], 1, 2)
+        x, y, z = np.abs(p_GQs[..., 0]), np.abs(p_GQs[..., 1]), np.abs(p_GQs[..., 2])
+        finger = (x < HAND.pad_x[1]) & (z < HAND.pad_half_width)
+        finger &= (y > gaps[:, None] / 2) & (y < gaps[:, None] / 2 + HAND.pad_thickness)
+        palm = (p_GQs[..., 0] < HAND.palm_x[1]) & (p_GQs[..., 0] > HAND.palm_x[0])
+        palm &= (y < HAND.palm_half[0]) & (z < HAND.palm_half[1])
+        _, _, quality = _contacts(p_GQs, n_Gs, gaps, cloud.area / points, config)
+        survival += (quality > 0) & ~(finger | palm).any(1)
+    return survival / config.particles
