@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from sum_drake.geometry import rotation_from_vector, transform
 from sum_drake.types import Array, readonly
 
 FETCH_URDF = "package://sum_drake/robots/fetch.urdf"
@@ -131,6 +132,21 @@ def finger_gap(state: Array) -> float:
     """Distance between the fingers, metres, from the station's measured state (24,)."""
     first = len(ARM_JOINTS)
     return float(np.sum(state[first : first + len(FINGERS)]))
+
+
+def camera_pose(state: Array) -> Array:
+    """X_BC (4, 4) of the head camera on the robot's base from the station's measured state (24,)."""
+    X_BC = np.eye(4)
+    for joint in (TORSO, *HEAD):
+        value = state[STATE_JOINTS.index(joint)]
+        motion = np.asarray(joint.axis) * value
+        p = np.asarray(joint.origin)
+        if joint.kind == "prismatic":
+            X_BC = X_BC @ transform(np.eye(3), p + motion)
+        else:
+            X_BC = X_BC @ transform(rotation_from_vector(motion), p)
+    optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    return np.asarray(X_BC @ transform(optical, np.array(CAMERA_ORIGIN)))
 
 
 def desired_state(q: Array, gap: float, *, v: Array | None = None, head: Array = VIEW_HEAD) -> Array:

@@ -1,0 +1,243 @@
+"""The station: everything that exists without the robot's mind: physics, drives, and the head camera."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    Role,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import ModelDirective, ModelDirectives, Parser, ProcessModelDirectives
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.sensors import RgbdSensor
+
+from sum_drake import robot
+from sum_drake.assets import MODELS, InputError, asset
+from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, camera_from_info, make_camera_info
+from sum_drake.systems.camera_pose import CameraPose
+from sum_drake.systems.depth_noise import DepthNoise
+from sum_drake.types import Array
+
+STIFFNESS = dict(
+    zip(
+        (joint.name for joint in robot.JOINTS),
+        (240e3, 8000.0, 8000.0, 4000.0, 4000.0, 2000.0, 2000.0, 800.0, 20.0, 20.0, 30e3, 30e3),
+        strict=True,
+    )
+)
+"""Proportional gains, N/m and N m/rad. The drives saturate at the joints' effort limits; 60 N at a finger."""
+FINGER_DAMPING = 1000.0
+"""N s/m: an open hand closes in about a tenth of a second and meets the object without a blow."""
+
+
+def default_plant_config() -> MultibodyPlantConfig:
+    """SAP at 4 ms with hydroelastic contact, point contact where a shape has no hydroelastic model."""
+    return MultibodyPlantConfig(
+        time_step=0.004, contact_model="hydroelastic_with_fallback", discrete_contact_approximation="sap"
+    )
+
+
+def make_station(
+    *,
+    plant_config: MultibodyPlantConfig,
+    directives: Sequence[ModelDirective],
+    camera: HeadCameraConfig,
+    noise: DepthNoiseConfig,
+    objects: Mapping[str, tuple[str, Array]],
+    seed: int,
+) -> Diagram:
+    """The simulated robot in its scene, as a diagram named "station".
+
+    .. pydrake_system::
+
+        name: station
+        input_ports:
+        - fetch.desired_state
+        output_ports:
+        - fetch.state
+        - fetch.effort
+        - head_camera.color_image
+        - head_camera.depth_image
+        - head_camera.label_image
+        - head_camera.X_WC
+        - truth.body_poses
+
+    fetch.desired_state and fetch.effort follow `robot.JOINTS`, fetch.state follows `robot.STATE_JOINTS`. Nothing is
+    rendered unless an image is asked for. The default context is home: see `set_home`. truth.body_poses is for the
+    referee alone.
+
+    Args:
+        plant_config: time step and contact model.
+        directives: the scene; one model instance of it is named "fetch".
+        camera: the head camera.
+        noise: errors of its depth.
+        objects: by label, the SDF file (path or package://sum_drake URI) of one free body, and its first pose X_WO
+            (4, 4).
+        seed: of the depth noise.
+
+    Raises:
+        InputError: a model that cannot be read, or a scene without the robot.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlant(plant_config, builder)
+    # Before any geometry, so that a mesh that cannot be drawn is found while its model is read.
+    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(_look()))
+    fetch = _add_scene(plant, directives)
+    for label, (path, X_WO) in objects.items():
+        _add_object(plant, label, path, X_WO)
+    _add_drives(plant, fetch)
+    plant.Finalize()
+
+    info = make_camera_info(camera)
+    optical = plant.GetFrameByName("head_camera_optical_frame", fetch)
+    core = RenderCameraCore("vtk", info, ClippingRange(0.05, 10.0), RigidTransform())
+    rgbd = builder.AddNamedSystem(
+        "head_camera",
+        RgbdSensor(
+            parent_id=plant.GetBodyFrameIdOrThrow(optical.body().index()),
+            X_PB=optical.GetFixedPoseInBodyFrame(),
+            color_camera=ColorRenderCamera(core),
+            depth_camera=DepthRenderCamera(core, DepthRange(camera.depth_min, camera.depth_max)),
+        ),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), rgbd.query_object_input_port())
+    depth_noise = builder.AddNamedSystem(
+        "depth_noise", DepthNoise(camera=camera_from_info(info), config=noise, seed=seed)
+    )
+    builder.Connect(rgbd.depth_image_32F_output_port(), depth_noise.GetInputPort("depth_image"))
+    camera_pose = builder.AddNamedSystem("camera_pose", CameraPose(X_WB=_base_pose(plant, fetch)))
+    builder.Connect(plant.get_state_output_port(fetch), camera_pose.GetInputPort("state"))
+
+    builder.ExportInput(plant.get_desired_state_input_port(fetch), "fetch.desired_state")
+    builder.ExportOutput(plant.get_state_output_port(fetch), "fetch.state")
+    builder.ExportOutput(plant.get_net_actuation_output_port(fetch), "fetch.effort")
+    builder.ExportOutput(rgbd.color_image_output_port(), "head_camera.color_image")
+    builder.ExportOutput(depth_noise.GetOutputPort("noisy_depth_image"), "head_camera.depth_image")
+    builder.ExportOutput(rgbd.label_image_output_port(), "head_camera.label_image")
+    builder.ExportOutput(camera_pose.GetOutputPort("X_WC"), "head_camera.X_WC")
+    builder.ExportOutput(plant.get_body_poses_output_port(), "truth.body_poses")
+    station = builder.Build()
+    station.set_name("station")
+    return station
+
+
+def set_home(station: Diagram, root_context: Context) -> None:
+    """Puts the robot at VIEW, looking at the table with its fingers open, and every object where it began, at rest.
+
+    Args:
+        station: what `make_station` returned.
+        root_context: context of the diagram that the station is, or is part of.
+    """
+    station.SetDefaultContext(station.GetMyMutableContextFromRoot(root_context))
+
+
+def object_bodies(station: Diagram) -> dict[str, int]:
+    """Label -> index into truth.body_poses, for the referee."""
+    plant = station.GetSubsystemByName("plant")
+    bodies = (plant.get_body(index) for index in sorted(plant.GetFloatingBaseBodies(), key=int))
+    return {plant.GetModelInstanceName(body.model_instance()): int(body.index()) for body in bodies}
+
+
+def object_render_labels(station: Diagram) -> dict[int, str]:
+    """Value in head_camera.label_image -> label, for the simulated detector."""
+    plant = station.GetSubsystemByName("plant")
+    inspector = station.GetSubsystemByName("scene_graph").model_inspector()
+    labels = {}
+    for label, index in object_bodies(station).items():
+        frame = plant.GetBodyFrameIdOrThrow(BodyIndex(index))
+        for geometry in inspector.GetGeometries(frame, Role.kPerception):
+            labels[int(inspector.GetPerceptionProperties(geometry).GetProperty("label", "id"))] = label
+    return labels
+
+
+def _look() -> RenderEngineVtkParams:
+    """A bright room: a light from the left above, a weaker one from the right, one at the camera against black."""
+
+    def light(direction: tuple[float, float, float], intensity: float, frame: str = "world") -> LightParameter:
+        return LightParameter(type="directional", direction=direction, intensity=intensity, frame=frame)
+
+    return RenderEngineVtkParams(
+        default_clear_color=np.array([0.86, 0.89, 0.92]),
+        lights=[
+            light((0.5, -0.45, -1.0), 0.62),
+            light((-0.2, 0.8, -0.7), 0.30),
+            light((0.0, 0.0, 1.0), 0.35, "camera"),
+        ],
+    )
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _parser(plant: MultibodyPlant) -> Parser:
+    parser = Parser(plant)
+    parser.package_map().Add("sum_drake", str(MODELS))
+    return parser
+
+
+def _add_scene(plant: MultibodyPlant, directives: Sequence[ModelDirective]) -> ModelInstanceIndex:
+    """Adds the scene; returns the robot's model instance."""
+    try:
+        ProcessModelDirectives(ModelDirectives(directives=list(directives)), _parser(plant))
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"directives: {_one_line(error)}; expected models that Drake can read") from error
+    if not plant.HasModelInstanceNamed("fetch"):
+        raise InputError('directives: no model instance "fetch", expected the robot under that name')
+    fetch = plant.GetModelInstanceByName("fetch")
+    plant.set_gravity_enabled(fetch, False)  # Its drives compensate it.
+    return fetch
+
+
+def _add_object(plant: MultibodyPlant, label: str, path: str, X_WO: Array) -> None:
+    """Adds one free body under the name `label`, at X_WO."""
+    if plant.HasModelInstanceNamed(label):
+        raise InputError(f'object "{label}": the scene has a model of that name, expected another label')
+    parser = _parser(plant)
+    parser.SetAutoRenaming(True)
+    try:
+        instances = parser.AddModels(str(asset(path)))
+        if len(instances) != 1:
+            raise RuntimeError(f"the file has {len(instances)} models")
+        bodies = plant.GetBodyIndices(instances[0])
+        if len(bodies) != 1:
+            raise RuntimeError(f"the model has {len(bodies)} links")
+        body = plant.get_body(bodies[0])
+        plant.RenameModelInstance(instances[0], label)
+        plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(np.asarray(X_WO, dtype=float)))
+    except (RuntimeError, ValueError) as error:
+        message = f'object "{label}": {path}: {_one_line(error)}; expected an SDF file of one model with one free link'
+        raise InputError(message) from error
+
+
+def _add_drives(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> None:
+    """PD drives in the actuators, which the contact solver treats implicitly, and the default positions."""
+    fingers = {joint.name for joint in robot.FINGERS}
+    try:
+        for joint in robot.JOINTS:
+            actuator = plant.GetJointActuatorByName(joint.name, fetch)
+            kp = STIFFNESS[joint.name]
+            damping = FINGER_DAMPING if joint.name in fingers else 2 * np.sqrt(kp)
+            actuator.set_controller_gains(PdControllerGains(p=kp, d=damping))
+    except RuntimeError as error:
+        raise InputError(f'directives: model "fetch": {_one_line(error)}; expected the joints of robot.JOINTS') from error
+    home = dict(zip((joint.name for joint in robot.JOINTS), robot.desired_state(robot.VIEW, robot.HAND.gap_max)))
+    for name, position in home.items():
+        joint = plant.GetJointByName(name, fetch)
+        joint.set_default_positions([position])
+
+
+def _base_pose(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> RigidTransform:
+    """X_WB as installed: the base is welded to the world."""
+    context = plant.CreateDefaultContext()
+    return plant.GetFrameByName("base_link", fetch).CalcPoseInWorld(context)
