@@ -1,0 +1,228 @@
+"""The command `sum-drake`."""
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from sum_drake import __version__
+from sum_drake.assets import InputError
+
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command. Returns 0: done; 1: the run itself failed; 2: bad input, said in one line on stderr."""
+    # Perception and planning are single-threaded by design; idle pools of threads only get in each other's way.
+    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    options = _parser().parse_args(arguments)
+    try:
+        options.command(options)
+    except InputError as error:
+        print(f"sum-drake: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except RuntimeError as error:
+        print(f"sum-drake: failed: {error}", file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("sum-drake: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sum-drake",
+        description="SUM, Sequential Scene Understanding and Manipulation, with Drake: perceive a poured table, sort it",
+        epilog="example: sum-drake sort --seed 1",
+    )
+    parser.add_argument("--version", action="version", version=f"sum-drake {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    sort = _add(
+        commands, "sort", _sort, "pour objects on the table, perceive and sort them", "sort --seed 3 --objects 5"
+    )
+    sort.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
+    sort.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
+    sort.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
+    sort.add_argument("--seed", type=int, metavar="S", help="seed of the run (default: the scenario's random_seed)")
+    sort.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
+    sort.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
+    sort.add_argument("--graphviz", type=Path, metavar="FILE", help="write the diagram in Graphviz's format, too")
+    sort.add_argument("--out", type=Path, metavar="DIR", help="run folder (default: runs/SEED)")
+    sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
+    sort.add_argument("--quiet", action="store_true", help="no progress")
+
+    objects = commands.add_parser("objects", help="the catalogue, or your own")
+    kinds = objects.add_subparsers(required=True, metavar="WHAT")
+    for name, command, text in (
+        ("list", _objects_list, "labels, categories, sizes, masses and symmetries"),
+        ("check", _objects_check, "whether each mesh is fit for use"),
+        ("render", _objects_render, "a contact sheet"),
+    ):
+        one = _add(kinds, name, command, text, f"objects {name}" + (" --out sheet.png" if name == "render" else ""))
+        one.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
+        if name == "render":
+            one.add_argument("--out", type=Path, metavar="FILE", default=Path("objects.png"), help="PNG to write")
+
+    report = _add(commands, "report", _report, "write a run's HTML report again", "report runs/3 --force")
+    report.add_argument("run", type=Path, metavar="RUN", help="run folder")
+    report.add_argument("--force", action="store_true", help="replace the report that is there")
+
+    _add(commands, "doctor", _doctor, "what this machine has and lacks", "doctor")
+    return parser
+
+
+def _add(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    name: str,
+    command: Callable[[argparse.Namespace], None],
+    text: str,
+    example: str,
+) -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=text, description=text, epilog=f"example: sum-drake {example}")
+    parser.set_defaults(command=command)
+    return parser
+
+
+def _sort(options: argparse.Namespace) -> None:
+    from sum_drake.doctor import require_rendering, versions
+    from sum_drake.jsonio import write_json
+    from sum_drake.objects import load_catalogue
+    from sum_drake.report import write_report
+    from sum_drake.runlog import RunLogWriter
+    from sum_drake.systems.scenario import dump_scenario, load_scenario
+    from sum_drake.systems.sorting import run
+    from sum_drake.systems.verdict import score
+
+    catalogue = load_catalogue(options.catalogue)
+    scenario = load_scenario(
+        options.scenario_file,
+        options.scenario_name,
+        options.scenario_text,
+        seed=options.seed,
+        objects=options.objects,
+        catalogue=catalogue,
+    )
+    out = options.out if options.out is not None else Path("runs") / str(scenario.random_seed)
+    _check_free(out, RUN_FILES, force=options.force)
+    if options.graphviz is not None:
+        _check_writable(options.graphviz)
+    require_rendering()
+    progress = _Progress(quiet=options.quiet)
+
+    out.mkdir(parents=True, exist_ok=True)
+    for name in RUN_FILES:
+        (out / name).unlink(missing_ok=True)
+    write_whole(out / "scenario.yaml", dump_scenario(scenario))
+    with RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)}) as writer:
+        episode = run(
+            scenario,
+            catalogue,
+            writer=writer,
+            progress=progress,
+            on_diagram=lambda diagram: (
+                write_whole(options.graphviz, diagram.GetGraphvizString()) if options.graphviz is not None else None
+            ),
+        )
+    summary = score(episode, scenario, catalogue, versions=versions())
+    write_json(out / "summary.json", summary)
+    write_report(out)
+    progress.done(
+        f"{summary['outcome']}: {summary['objects_sorted']} of {summary['objects_total']} objects sorted, "
+        f"{summary['objects_missorted']} missorted, {summary['manipulation_trials']} trials, "
+        f"{episode.sim_time_s:.0f} s simulated in {episode.wall_s:.0f} s; {out / 'report.html'}"
+    )
+
+
+RUN_FILES = ("scenario.yaml", "run.mcap", "summary.json", "report.html")
+
+
+def _check_free(out: Path, names: Sequence[str], *, force: bool) -> None:
+    """Refuses a folder that holds anything, unless it is a run to be replaced."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: a file; expected a folder or a new name")
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    if not force:
+        raise InputError(f"--out {out}: exists and is not empty; expected a new folder, or --force to replace the run")
+    foreign = sorted(path.name for path in out.iterdir() if path.name not in names)
+    if foreign:
+        raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a run; expected a run folder")
+
+
+def _check_writable(file: Path) -> None:
+    if file.is_dir() or not file.parent.is_dir():
+        raise InputError(f"{file}: cannot be written; expected a file in a folder that exists")
+
+
+class _Progress:
+    """What is being done: in place on a terminal, line by line elsewhere, nothing when quiet."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet, self._start = quiet, time.monotonic()
+
+    def __call__(self, what: str, sim_time: float) -> None:
+        if not self._quiet:
+            elapsed = time.monotonic() - self._start
+            print(f"[{elapsed:6.1f} s, simulated {sim_time:6.1f} s] {what}", file=sys.stderr, flush=True)
+
+    def done(self, what: str) -> None:
+        """The last line; on standard output, also when quiet it says nothing."""
+        if not self._quiet:
+            print(what)
+
+
+def _objects_list(options: argparse.Namespace) -> None:
+    from sum_drake.objects import describe, load_catalogue
+
+    print(describe(load_catalogue(options.catalogue)))
+
+
+def _objects_check(options: argparse.Namespace) -> None:
+    from sum_drake.objects import check, load_catalogue
+
+    print("\n".join(check(load_catalogue(options.catalogue))))
+
+
+def _objects_render(options: argparse.Namespace) -> None:
+    import cv2
+
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue, render_contact_sheet
+
+    _check_writable(options.out)
+    catalogue = load_catalogue(options.catalogue)
+    require_rendering()
+    _, png = cv2.imencode(".png", cv2.cvtColor(render_contact_sheet(catalogue), cv2.COLOR_RGB2BGR))
+    write_whole(options.out, png.tobytes())
+    print(options.out)
+
+
+def _report(options: argparse.Namespace) -> None:
+    from sum_drake.report import write_report
+
+    if not options.run.is_dir():
+        raise InputError(f"{options.run}: no such folder; expected the folder of a run")
+    if (options.run / "report.html").exists() and not options.force:
+        raise InputError(f"{options.run / 'report.html'}: exists; expected --force to replace it")
+    print(write_report(options.run))
+
+
+def _doctor(options: argparse.Namespace) -> None:
+    from sum_drake import doctor
+
+    checks = doctor.diagnose()
+    print(doctor.format_checks(checks))
+    if any(check.status == "bad" for check in checks):
+        raise RuntimeError("this machine lacks something that sum-drake needs; see above")
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Writes a file through a temporary one beside it, so that nobody ever sees half of it."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+    temporary.replace(path)

@@ -1,0 +1,210 @@
+"""A run as data: one typed record, read from YAML, in the manner of Drake's hardware_sim."""
+
+import dataclasses
+import typing
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.multibody.parsing import ModelDirective
+from pydrake.multibody.plant import MultibodyPlantConfig
+from sum_drake.picking import PickConfig
+
+from sum_drake.assets import MODELS, InputError
+from sum_drake.association import AssociationConfig
+from sum_drake.belief import AcceptanceConfig
+from sum_drake.detection.simulated import SimulatedDetectorConfig
+from sum_drake.filtering import FILTERS
+from sum_drake.grasping import GraspConfig
+from sum_drake.objects import Catalogue
+from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
+from sum_drake.systems.pouring import PouringConfig
+from sum_drake.task import LEAVE, POLICIES, TaskConfig
+from sum_drake.types import Region, readonly
+
+SCENARIOS = MODELS / "scenarios" / "sorting.yaml"
+DETECTORS = ("SimulatedDetector",)
+MAX_OBJECTS = 15
+
+
+@dataclasses.dataclass
+class ObjectsConfig:
+    """What is poured."""
+
+    count: int = 5
+    """How many objects, 1 to 15; drawn from the catalogue by the seed unless `labels` names them."""
+    labels: list[str] = dataclasses.field(default_factory=list)
+    """The objects to pour; empty draws `count` of them."""
+
+
+@dataclasses.dataclass
+class RegionConfig:
+    """An axis-aligned box in the world where objects may be or may go."""
+
+    p_W: list[float] = dataclasses.field(default_factory=list)
+    """Its centre, metres."""
+    half_extents: list[float] = dataclasses.field(default_factory=list)
+    """Half its sides, metres."""
+
+
+@dataclasses.dataclass
+class Scenario:
+    """Everything that a sorting run depends on."""
+
+    random_seed: int = 0
+    """Seed of every random draw of the run."""
+    simulation_duration: float = 900.0
+    """The run stops after this much simulated time at the latest, seconds."""
+    plant_config: MultibodyPlantConfig = dataclasses.field(default_factory=MultibodyPlantConfig)
+    """Step, solver and contact model of the station's plant, and of the pour."""
+    directives: list[ModelDirective] = dataclasses.field(default_factory=list)
+    """Robot, table and bins."""
+    cameras: dict[str, HeadCameraConfig] = dataclasses.field(default_factory=dict)
+    """The cameras by name; the robot looks with `head_camera`."""
+    depth_noise: DepthNoiseConfig = dataclasses.field(default_factory=DepthNoiseConfig)
+    """What the depth sensor does to the truth."""
+    objects: ObjectsConfig = dataclasses.field(default_factory=ObjectsConfig)
+    """What is poured."""
+    pouring: PouringConfig = dataclasses.field(default_factory=PouringConfig)
+    """How it is poured."""
+    detector: str = "SimulatedDetector"
+    """Which detector looks at the pictures."""
+    simulated_detector: SimulatedDetectorConfig = dataclasses.field(default_factory=SimulatedDetectorConfig)
+    """Error rates of SimulatedDetector."""
+    sigma_c: float = 0.1
+    """Labels below this share of a box's most confident one are dropped (Sui et al. 2017, eq. 5)."""
+    association: AssociationConfig = dataclasses.field(default_factory=AssociationConfig)
+    """Matching, spawning and ending of tracks."""
+    filter: str = "default"
+    """Pose estimation: `paper` as published, or `default`."""
+    acceptance: AcceptanceConfig = dataclasses.field(default_factory=AcceptanceConfig)
+    """When a track counts as an object."""
+    unique_labels: bool = True
+    """At most one accepted object of a label, as the paper assumes."""
+    task: TaskConfig = dataclasses.field(default_factory=TaskConfig)
+    """Which object is next, and when the run is over."""
+    grasp: GraspConfig = dataclasses.field(default_factory=GraspConfig)
+    """Grasp candidates and their ranking."""
+    pick: PickConfig = dataclasses.field(default_factory=PickConfig)
+    """Planning of one pick and place."""
+    regions: dict[str, RegionConfig] = dataclasses.field(default_factory=dict)
+    """Where objects may go, by name; `table` is where they are poured."""
+    goal: dict[str, str] = dataclasses.field(default_factory=dict)
+    """Label or category -> region, or `leave`; a label goes before its category."""
+
+    def region(self, name: str) -> Region:
+        """The region of that name as a value."""
+        config = self.regions[name]
+        return Region(name, readonly(config.p_W), readonly(config.half_extents))
+
+
+def load_scenario(
+    file: Path | None = None,
+    name: str | None = None,
+    text: str | None = None,
+    *,
+    seed: int | None = None,
+    objects: int | None = None,
+    catalogue: Catalogue,
+) -> Scenario:
+    """The scenario `name` (default: the first) of a file of scenarios, with the fields of `text` (YAML) put over it.
+
+    `seed` and `objects`, a count, go over both.
+
+    Raises InputError for a file that cannot be read, an unknown name, key, label, region, filter, detector or policy,
+    and for values out of range.
+    """
+    file = SCENARIOS if file is None else file
+    scenarios = _yaml_mapping(_read(file), str(file))
+    if name is None:
+        name = next(iter(scenarios), "")
+    if name not in scenarios:
+        raise InputError(f"scenario {name!r}: not in {file}; expected one of {', '.join(map(str, scenarios))}")
+    where = f"scenario {name!r} of {file}"
+    scenario = _typed(scenarios[name], where, Scenario())
+    if text is not None:
+        scenario = _typed(_yaml_mapping(text, "--scenario-text"), "--scenario-text", scenario)
+        where += " with --scenario-text"
+    if seed is not None:
+        scenario.random_seed = seed
+    if objects is not None:
+        scenario.objects = ObjectsConfig(count=objects)
+    _validate(scenario, where, catalogue)
+    return scenario
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The resolved scenario as YAML that `load_scenario` reads, under the name `resolved`."""
+    return str(yaml_dump_typed(scenario, child_name="resolved"))
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"scenario file {file}: {error}; expected a YAML file of scenarios") from error
+
+
+def _yaml_mapping(text: str, where: str) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: {' '.join(str(error).split())}; expected YAML") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: {type(data).__name__} at the top; expected a mapping")
+    return data
+
+
+def _typed(data: Any, where: str, defaults: Scenario) -> Scenario:
+    _check_keys(data, Scenario, where)
+    try:
+        scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(data), defaults=defaults)
+    except Exception as error:  # Drake raises AssertionError, RuntimeError or ValueError without saying where.
+        raise InputError(f"{where}: {' '.join(str(error).split())}; expected the types of Scenario's fields") from error
+    return scenario
+
+
+def _check_keys(data: Any, schema: Any, where: str) -> None:
+    """Names the first unknown key with its path, which Drake's loader does not."""
+    if typing.get_origin(schema) is dict and isinstance(data, dict):
+        for key, value in data.items():
+            _check_keys(value, typing.get_args(schema)[1], f"{where}: {key}")
+    if not dataclasses.is_dataclass(schema):
+        return
+    if not isinstance(data, dict):
+        raise InputError(f"{where}: {data!r}; expected a mapping")
+    fields = {field.name: field.type for field in dataclasses.fields(schema)}
+    for key, value in data.items():
+        if key not in fields:
+            raise InputError(f"{where}: unknown key {key!r}; expected one of {', '.join(fields)}")
+        _check_keys(value, fields[key], f"{where}: {key}")
+
+
+def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
+    def expect(ok: bool, what: str, expected: str) -> None:
+        if not ok:
+            raise InputError(f"{where}: {what}; expected {expected}")
+
+    count = len(scenario.objects.labels) or scenario.objects.count
+    most = min(MAX_OBJECTS, len(catalogue.labels))
+    expect(1 <= count <= most, f"{count} objects", f"1 to {most}")
+    for label in scenario.objects.labels:
+        expect(label in catalogue.labels, f"object label {label!r}", f"one of {', '.join(catalogue.labels)}")
+    expect(len(set(scenario.objects.labels)) == len(scenario.objects.labels), "a label twice", "distinct labels")
+    expect(scenario.filter in FILTERS, f"filter {scenario.filter!r}", f"one of {', '.join(FILTERS)}")
+    expect(scenario.detector in DETECTORS, f"detector {scenario.detector!r}", f"one of {', '.join(DETECTORS)}")
+    expect(scenario.task.policy in POLICIES, f"policy {scenario.task.policy!r}", f"one of {', '.join(POLICIES)}")
+    expect(0.0 < scenario.sigma_c < 1.0, f"sigma_c {scenario.sigma_c}", "a number between 0 and 1")
+    expect(scenario.random_seed >= 0, f"random_seed {scenario.random_seed}", "0 or more")
+    expect(scenario.simulation_duration > 0, f"simulation_duration {scenario.simulation_duration}", "more than 0")
+    expect("head_camera" in scenario.cameras, "no camera head_camera", "one under cameras")
+    expect("table" in scenario.regions, "no region table", "one under regions")
+    for name, region in scenario.regions.items():
+        ok = len(region.p_W) == len(region.half_extents) == 3 and min(region.half_extents) > 0
+        expect(ok, f"region {name}", "p_W and half_extents of three numbers, the latter positive")
+    kinds = (*catalogue.labels, *catalogue.categories)
+    for kind, region_name in scenario.goal.items():
+        expect(kind in kinds, f"goal for {kind!r}", f"a label or category, one of {', '.join(kinds)}")
+        places = (*scenario.regions, LEAVE)
+        expect(region_name in places, f"goal region {region_name!r}", f"one of {', '.join(places)}")

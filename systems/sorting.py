@@ -1,0 +1,319 @@
+"""The sorting diagram, and one run of it."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from sum_drake.motion import PlanningScene
+from sum_drake.picking import plan_retreat
+from sum_drake.systems.run_log import RunLog
+from sum_drake.systems.station import make_station, object_render_labels, set_home
+
+from sum_drake import belief
+from sum_drake.filtering import PoseEstimator, filter_config
+from sum_drake.kinematics import Arm
+from sum_drake.objects import Catalogue
+from sum_drake.runlog import RunLogWriter
+from sum_drake.seeds import derive
+from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.data_associator import DataAssociator
+from sum_drake.systems.frame_assembler import FrameAssembler
+from sum_drake.systems.pouring import draw_labels, pour
+from sum_drake.systems.referee import Referee, TruthSample
+from sum_drake.systems.scenario import Scenario
+from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
+from sum_drake.systems.simulated_detector import SimulatedDetector
+from sum_drake.systems.sorting_planner import Decide, Retreat, SortingPlanner
+from sum_drake.task import Look, Pick, SortingTask, Stop
+from sum_drake.types import (
+    Array,
+    Associations,
+    Attempt,
+    Detections,
+    Frame,
+    Motion,
+    Perception,
+    PickPlace,
+    SceneBelief,
+)
+
+POLL = 0.1
+"""How often the systems look at each other's counters, seconds of simulated time."""
+SETTLE = 0.5
+"""How long arm and objects rest before an observation, seconds."""
+
+
+class Costs:
+    """CPU seconds by purpose."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def of(self, purpose: str) -> Iterator[None]:
+        """Adds the CPU time of the block."""
+        start = time.process_time()
+        try:
+            yield
+        finally:
+            self.seconds[purpose] = self.seconds.get(purpose, 0.0) + time.process_time() - start
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Episode:
+    """One run, as it went and as it truly was."""
+
+    outcome: str
+    """"cleared" or "stopped: <reason>"."""
+    perceptions: tuple[Perception, ...]
+    attempts: tuple[Attempt, ...]
+    truth: tuple[TruthSample, ...]
+    """The referee's samples: for the score alone."""
+    costs: Mapping[str, float]
+    """CPU seconds of pouring, perception, planning and simulation."""
+    wall_s: float
+    sim_time_s: float
+
+
+def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> UpdateBelief:
+    """`belief.update` with its estimator, which keeps its render engines warm, and the scenario's configuration."""
+    config = filter_config(scenario.filter)
+    estimator = PoseEstimator(catalogue, config)
+    seed = derive(scenario.random_seed, "estimation")
+
+    def update(
+        held: SceneBelief, frame: Frame, detections: Detections, associations: Associations, action: PickPlace | None
+    ) -> SceneBelief:
+        with costs.of("perception"):
+            return belief.update(
+                held,
+                frame,
+                detections,
+                associations,
+                action,
+                estimator,
+                filter_config=config,
+                association_config=scenario.association,
+                acceptance=scenario.acceptance,
+                unique_labels=scenario.unique_labels,
+                seed=seed,
+            )
+
+    return update
+
+
+def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat]:
+    """The task's decisions and the way back after a failed pick, on the robot's own model of itself and the table."""
+    arm = Arm()
+    scene = PlanningScene(scenario.directives)
+    seed = derive(scenario.random_seed, "planning")
+    task = SortingTask(
+        catalogue=catalogue,
+        arm=arm,
+        scene=scene,
+        regions={name: scenario.region(name) for name in scenario.regions},
+        goal=scenario.goal,
+        config=scenario.task,
+        grasp_config=scenario.grasp,
+        pick_config=scenario.pick,
+        seed=seed,
+    )
+
+    def decide(perception: Perception, attempts: tuple[Attempt, ...], looks: int, q: Array) -> Pick | Look | Stop:
+        with costs.of("planning"):
+            return task.decide(perception, attempts, looks, q)
+
+    def retreat(q: Array, motion: int) -> Motion:
+        with costs.of("planning"):
+            return plan_retreat(arm=arm, scene=scene, q_now=q, motion_id=motion, seed=seed, config=scenario.pick)
+
+    return decide, retreat
+
+
+def make_sorting(
+    scenario: Scenario,
+    X_WOs: Mapping[str, Array],
+    catalogue: Catalogue,
+    *,
+    writer: RunLogWriter | None = None,
+    costs: Costs | None = None,
+) -> Diagram:
+    """Station, perception, planner, controller, log and referee in one diagram.
+
+    X_WOs: label -> (4, 4) pose of each object on the table. writer: where the log goes; without one there is none.
+    """
+    costs = Costs() if costs is None else costs
+    seed = scenario.random_seed
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem(
+        "station",
+        make_station(
+            plant_config=scenario.plant_config,
+            directives=scenario.directives,
+            camera=scenario.cameras["head_camera"],
+            noise=scenario.depth_noise,
+            objects={label: (str(catalogue[label].sdf), X_WO) for label, X_WO in X_WOs.items()},
+            seed=derive(seed, "depth noise"),
+        ),
+    )
+    frames = builder.AddNamedSystem(
+        "frame_assembler", FrameAssembler(camera=scenario.cameras["head_camera"].intrinsics())
+    )
+    detector = builder.AddNamedSystem(
+        "object_detector",
+        SimulatedDetector(
+            objects=object_render_labels(station),
+            labels=catalogue.labels,
+            sigma_c=scenario.sigma_c,
+            config=scenario.simulated_detector,
+            seed=derive(seed, "detection"),
+        ),
+    )
+    associator = builder.AddNamedSystem("data_associator", DataAssociator(config=scenario.association))
+    estimator = builder.AddNamedSystem(
+        "scene_estimator", SceneEstimator(update_belief=bind_perception(scenario, catalogue, costs), period=POLL)
+    )
+    decide, retreat = bind_task(scenario, catalogue, costs)
+    planner = builder.AddNamedSystem(
+        "sorting_planner", SortingPlanner(decide=decide, retreat=retreat, period=POLL, settle_time=SETTLE)
+    )
+    controller = builder.AddNamedSystem("arm_controller", ArmController(period=POLL))
+    plant = station.GetSubsystemByName("plant")
+    referee = builder.AddNamedSystem(
+        "referee",
+        Referee(
+            objects={
+                label: int(plant.GetBodyIndices(plant.GetModelInstanceByName(label))[0]) for label in sorted(X_WOs)
+            },
+            hand=int(plant.GetBodyByName("gripper_link").index()),
+            period=POLL,
+        ),
+    )
+
+    def connect(source: object, output: str, target: object, port: str | None = None) -> None:
+        builder.Connect(source.GetOutputPort(output), target.GetInputPort(output if port is None else port))  # type: ignore[attr-defined]
+
+    connect(station, "head_camera.color_image", frames, "color_image")
+    connect(station, "head_camera.depth_image", frames, "depth_image")
+    connect(station, "head_camera.X_WC", frames, "X_WC")
+    connect(planner, "observe", frames)
+    connect(frames, "frame", detector)
+    connect(station, "head_camera.label_image", detector, "label_image")
+    connect(detector, "detections", associator)
+    connect(estimator, "scene_belief", associator)
+    connect(planner, "observe", estimator)
+    connect(frames, "frame", estimator)
+    connect(detector, "detections", estimator)
+    connect(associator, "associations", estimator)
+    connect(planner, "executed_action", estimator)
+    connect(estimator, "perception", planner)
+    connect(station, "fetch.state", planner, "robot_state")
+    connect(controller, "motion_status", planner)
+    connect(planner, "motion", controller)
+    connect(controller, "desired_state", station, "fetch.desired_state")
+    connect(station, "truth.body_poses", referee, "body_poses")
+    connect(planner, "observe", referee)
+    connect(controller, "motion_status", referee)
+    if writer is not None:
+        log = builder.AddNamedSystem("run_log", RunLog(writer=writer))
+        connect(estimator, "perception", log)
+        connect(planner, "attempts", log)
+        connect(station, "fetch.state", log, "joint_state")
+    diagram = builder.Build()
+    diagram.set_name("sorting")
+    return diagram
+
+
+def pour_scene(scenario: Scenario, catalogue: Catalogue) -> dict[str, Array]:
+    """Label -> settled X_WO (4, 4) of the scenario's objects; a function of its seed."""
+    seed = derive(scenario.random_seed, "pouring")
+    labels = scenario.objects.labels or draw_labels(catalogue, scenario.objects.count, np.random.default_rng(seed))
+    return pour(
+        objects=[catalogue[label] for label in labels],
+        directives=scenario.directives,
+        plant_config=scenario.plant_config,
+        config=scenario.pouring,
+        seed=seed,
+    )
+
+
+def run(
+    scenario: Scenario,
+    catalogue: Catalogue,
+    *,
+    writer: RunLogWriter | None = None,
+    progress: Callable[[str, float], None] = lambda what, sim_time: None,
+    on_diagram: Callable[[Diagram], None] = lambda diagram: None,
+) -> Episode:
+    """Pours, then sorts until the table is clear, nothing more can be done, or the simulated time is over.
+
+    progress: told what is done, and the simulated time. on_diagram: given the diagram once it is built.
+    """
+    start, costs = time.perf_counter(), Costs()
+    progress("pouring", 0.0)
+    with costs.of("pouring"):
+        X_WOs = pour_scene(scenario, catalogue)
+    diagram = make_sorting(scenario, X_WOs, catalogue, writer=writer, costs=costs)
+    on_diagram(diagram)
+    simulator = Simulator(diagram)
+    root = simulator.get_mutable_context()
+    station = diagram.GetSubsystemByName("station")
+    set_home(station, station.GetMyMutableContextFromRoot(root))
+    watch = _Watch(diagram, progress)
+    simulator.set_monitor(watch)
+    with costs.of("all"):
+        simulator.Initialize()
+        simulator.AdvanceTo(scenario.simulation_duration)
+    seconds = dict(costs.seconds)
+    seconds["simulation"] = seconds.pop("all") - seconds.get("perception", 0.0) - seconds.get("planning", 0.0)
+    referee = diagram.GetSubsystemByName("referee")
+    return Episode(
+        outcome=watch.outcome or f"stopped: {scenario.simulation_duration:g} s of simulated time are over",
+        perceptions=tuple(watch.perceptions),
+        attempts=watch.attempts,
+        truth=referee.samples(referee.GetMyContextFromRoot(root)),
+        costs=seconds,
+        wall_s=time.perf_counter() - start,
+        sim_time_s=root.get_time(),
+    )
+
+
+class _Watch:
+    """The simulator's monitor: collects records, shows progress, ends the run when the planner says so."""
+
+    def __init__(self, diagram: Diagram, progress: Callable[[str, float], None]) -> None:
+        self.perceptions: list[Perception] = []
+        self.attempts: tuple[Attempt, ...] = ()
+        self.outcome = ""
+        self._diagram, self._progress = diagram, progress
+        planner, estimator = (
+            diagram.GetSubsystemByName("sorting_planner"),
+            diagram.GetSubsystemByName("scene_estimator"),
+        )
+        self._planner, self._estimator = planner, estimator
+        self._perception = estimator.GetOutputPort("perception")
+        self._outcome, self._attempts = planner.GetOutputPort("outcome"), planner.GetOutputPort("attempts")
+
+    def __call__(self, root: Context) -> EventStatus:
+        time_now = root.get_time()
+        perception: Perception | None = self._perception.Eval(self._estimator.GetMyContextFromRoot(root))
+        if perception is not None and perception.step == len(self.perceptions):
+            self.perceptions.append(perception)
+            accepted = sum(track.accepted for track in perception.posterior.tracks)
+            self._progress(
+                f"observation {perception.step}: {len(perception.detections)} detections, {accepted} objects accepted",
+                time_now,
+            )
+        context = self._planner.GetMyContextFromRoot(root)
+        attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
+        for attempt in attempts[len(self.attempts) :]:
+            self._progress(f"{attempt.label} to {attempt.region}: {attempt.reason}", time_now)
+        self.attempts = attempts
+        self.outcome = self._outcome.Eval(context)
+        if self.outcome:
+            return EventStatus.ReachedTermination(self._diagram, self.outcome)
+        return EventStatus.Succeeded()

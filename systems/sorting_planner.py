@@ -1,0 +1,205 @@
+"""Looks, decides, acts, and looks again."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
+from sum_drake.picking import PickPlan
+
+from sum_drake.robot import HAND, arm_positions, finger_gap
+from sum_drake.task import Look, Pick, Stop
+from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
+
+Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Stop]
+"""`task.SortingTask.decide`."""
+Retreat = Callable[[Array, int], Motion]
+"""From where the arm is (8,) back to the viewing pose with an open hand, under the given motion id."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Sorting(Immutable):
+    """Where the planner is in its loop."""
+
+    phase: str = "settle"
+    """settle, look, pick, place, retreat, done."""
+    since: float = 0.0
+    """When the phase began, seconds."""
+    observations: int = 0
+    """The `observe` counter."""
+    looks: int = 0
+    """Observations in a row that led to nothing."""
+    pick: Pick | None = None
+    motion: Motion | None = None
+    gap_lift: float = 0.0
+    gap_place: float = 0.0
+    action: PickPlace | None = None
+    attempts: tuple[Attempt, ...] = ()
+    outcome: str = ""
+
+
+class SortingPlanner(LeafSystem):
+    """The loop of SUM: observe, choose an object, pick, feel, place, and observe whatever happened.
+
+    .. pydrake_system::
+
+        name: SortingPlanner
+        input_ports:
+        - perception
+        - robot_state
+        - motion_status
+        output_ports:
+        - observe
+        - motion
+        - executed_action
+        - attempts
+        - outcome
+
+    `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
+    attempt is its own commands and the gap between its fingers.
+    """
+
+    def __init__(self, *, decide: Decide, retreat: Retreat, period: float, settle_time: float) -> None:
+        super().__init__()
+        self._decide, self._retreat, self._settle_time = decide, retreat, settle_time
+        self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))
+        self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(24))
+        self._status = self.DeclareAbstractInputPort("motion_status", Value[object](None))
+        self._state = self.DeclareAbstractState(Value[object](_Sorting()))
+        of_state = {self.abstract_state_ticket(self._state)}
+        self.DeclareVectorOutputPort("observe", BasicVector(1), self._calc_observe, prerequisites_of_calc=of_state)
+        for name, field in (
+            ("motion", "motion"),
+            ("executed_action", "action"),
+            ("attempts", "attempts"),
+            ("outcome", "outcome"),
+        ):
+            self.DeclareAbstractOutputPort(
+                name, lambda: Value[object](None), self._output_of(field), prerequisites_of_calc=of_state
+            )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+
+    def _held(self, context: Context) -> _Sorting:
+        state: _Sorting = context.get_abstract_state(self._state).get_value()
+        return state
+
+    def _calc_observe(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self._held(context).observations)
+
+    def _output_of(self, field: str) -> Callable[[Context, Value[object]], None]:
+        def calc(context: Context, output: Value[object]) -> None:
+            output.set_value(getattr(self._held(context), field))
+
+        return calc
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        held = self._held(context)
+        steps = {
+            "settle": self._settle,
+            "look": self._look,
+            "pick": self._follow_pick,
+            "place": self._follow_place,
+            "retreat": self._follow_retreat,
+        }
+        if held.phase not in steps:
+            return EventStatus.DidNothing()
+        following = steps[held.phase](context, held)
+        if following is held:
+            return EventStatus.DidNothing()
+        if following.phase != held.phase:
+            following = dataclasses.replace(following, since=context.get_time())
+        state.get_mutable_abstract_state(self._state).set_value(following)
+        return EventStatus.Succeeded()
+
+    def _settle(self, context: Context, held: _Sorting) -> _Sorting:
+        """Asks for an observation once the arm and what it moved have come to rest."""
+        if context.get_time() - held.since < self._settle_time:
+            return held
+        return dataclasses.replace(held, phase="look", observations=held.observations + 1)
+
+    def _look(self, context: Context, held: _Sorting) -> _Sorting:
+        """Decides once the observation has been made sense of."""
+        perception: Perception | None = self._perception.Eval(context)
+        if perception is None or perception.step != held.observations - 1:
+            return held
+        choice = self._decide(perception, held.attempts, held.looks, self._arm(context))
+        attempts = held.attempts + choice.refused
+        if isinstance(choice, Stop):
+            return dataclasses.replace(held, phase="done", attempts=attempts, outcome=choice.outcome)
+        if isinstance(choice, Look):
+            return dataclasses.replace(held, phase="settle", attempts=attempts, looks=held.looks + 1, action=None)
+        motion = self._numbered(held, choice.plan.pick)
+        return dataclasses.replace(held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion)
+
+    def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
+        """After the lift: goes on if the hand holds something, gives up otherwise."""
+        if not self._done(context, held):
+            return held
+        assert held.pick is not None
+        gap = finger_gap(self._robot_state.Eval(context))
+        if holds(gap, held.pick.plan.grasp.width):
+            motion = self._numbered(held, held.pick.plan.place)
+            return dataclasses.replace(held, phase="place", motion=motion, gap_lift=gap, gap_place=gap)
+        next_id = held.motion.id + 1 if held.motion is not None else 0
+        motion = self._retreat(self._arm(context), next_id)
+        return dataclasses.replace(held, phase="retreat", motion=motion, gap_lift=gap, gap_place=gap)
+
+    def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:
+        """Feels the hand until it opens; afterwards the attempt is history."""
+        status: MotionStatus = self._status.Eval(context)
+        if not self._done(context, held):
+            if status.segment in ("transport", "lower"):
+                return dataclasses.replace(held, gap_place=finger_gap(self._robot_state.Eval(context)))
+            return held
+        return self._record(held, released=True)
+
+    def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:
+        return self._record(held, released=False) if self._done(context, held) else held
+
+    def _record(self, held: _Sorting, *, released: bool) -> _Sorting:
+        """The executed action and the attempt, as far as the robot knows them."""
+        assert held.pick is not None
+        plan: PickPlan = held.pick.plan
+        track, step = held.pick.track, held.observations - 1
+        action = PickPlace(
+            step=step,
+            kind="pick_place",
+            track=track.id,
+            label=track.label,
+            X_WG_pick=plan.X_WG,
+            X_WO_place=plan.X_WO_place,
+            region=held.pick.region,
+            gap_lift=held.gap_lift,
+            gap_place=held.gap_place,
+            released=released,
+        )
+        if not released:
+            reason = "empty_hand"
+        else:
+            reason = "executed" if holds(held.gap_place, plan.grasp.width) else "lost_in_transport"
+        attempt = Attempt(
+            step, track.id, track.label, held.pick.region, "pick_place", reason,
+            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG,
+        )  # fmt: skip
+        return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
+
+    def _arm(self, context: Context) -> Array:
+        return arm_positions(self._robot_state.Eval(context))
+
+    def _done(self, context: Context, held: _Sorting) -> bool:
+        status: MotionStatus = self._status.Eval(context)
+        return held.motion is not None and status.motion == held.motion.id and status.done
+
+    @staticmethod
+    def _numbered(held: _Sorting, motion: Motion) -> Motion:
+        return dataclasses.replace(motion, id=0 if held.motion is None else held.motion.id + 1)
+
+
+def holds(gap: float, width: float) -> bool:
+    """Whether fingers that stopped at `gap` hold something `width` thick: more than half of it, and not the wide open
+    hand."""
+    return 0.5 * width < gap < HAND.gap_max and gap > MIN_HELD_GAP
+
+
+MIN_HELD_GAP = 0.0015
+"""An empty hand closes to less than this, metres."""
