@@ -1,0 +1,341 @@
+"""Depth of posed objects, rendered by Drake's RenderEngineVtk: exactly, many at once, or looked up by view direction.
+
+`DepthRenderer` renders one object as a camera sees it. `Atlas` renders many copies in one picture of tiles, for which a
+picture of each would be nearly all overhead. `Surface` keeps what such pictures show of an object from every side:
+from afar, what a camera sees of an object depends on the direction it looks along and nothing else.
+
+VTK returns wrong pictures, with no more than a warning, when an engine is used from another thread than its own; here
+that raises RuntimeError. Engines get untextured copies with few faces, which is all that depth needs.
+"""
+
+import dataclasses
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    ClippingRange,
+    DepthRange,
+    DepthRenderCamera,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    InMemoryMesh,
+    MakeRenderEngineVtk,
+    Mesh,
+    PerceptionProperties,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    RenderLabel,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.sensors import CameraInfo
+
+from sum_drake.geometry import apply, inverse
+from sum_drake.types import Array, Box, Camera, Frame, Immutable, readonly
+
+if TYPE_CHECKING:
+    from sum_drake.objects import Catalogue
+
+FAR = 30.0
+"""Distance of the atlas' camera, metres: rays across an object are parallel to within a third of a degree."""
+
+
+def mesh_arrays(catalogue: "Catalogue", label: str) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (v, 3) and faces (f, 3) of a label's mesh, in O."""
+    mesh = catalogue[label].load_mesh()
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+
+
+def coarse(vertices: Array, faces: NDArray[np.int64], limit: int) -> tuple[Array, NDArray[np.int64]]:
+    """A copy of a mesh with at most `limit` faces, by merging the vertices of each cell of the finest grid that does.
+
+    Vertices (v, 3) and faces (f, 3) in and out. Each merged vertex is the mean of its cell's.
+    """
+    cell = float(np.ptp(vertices, axis=0).max()) / 256
+    while len(faces) > limit:
+        keys = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
+        _, index, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+        index = index.reshape(-1)
+        merged = np.stack([np.bincount(index, vertices[:, i]) for i in range(3)], -1) / counts[:, None]
+        triangles = index[faces]
+        proper = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+        _, first = np.unique(np.sort(triangles[proper], axis=1), axis=0, return_index=True)
+        if len(first) <= limit:
+            return merged, triangles[proper][np.sort(first)]
+        cell *= 1.15
+    return vertices, faces
+
+
+def _in_memory(vertices: Array, faces: NDArray[np.int64]) -> Mesh:
+    # Drake wants normals in an OBJ; depth does not look at them, so that one serves all faces.
+    lines = ["vn 0 0 1"]
+    lines += ["v {:.7g} {:.7g} {:.7g}".format(*vertex) for vertex in vertices]
+    lines += ["f {}//1 {}//1 {}//1".format(*face) for face in (faces + 1).tolist()]
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", "object")))
+
+
+class _Scene:
+    """A SceneGraph of its own with a depth engine and `copies` of a mesh that can be posed in the camera's frame."""
+
+    def __init__(self, mesh: Mesh, copies: int) -> None:
+        self._thread = threading.get_ident()
+        self._graph = SceneGraph()
+        self._graph.AddRenderer("depth", MakeRenderEngineVtk(RenderEngineVtkParams()))
+        source = self._graph.RegisterSource("objects")
+        self._frames = []
+        for i in range(copies):
+            frame = self._graph.RegisterFrame(source, GeometryFrame(f"copy{i}"))
+            copy = GeometryInstance(RigidTransform(), mesh, f"copy{i}")
+            properties = PerceptionProperties()
+            properties.AddProperty("label", "id", RenderLabel(1))
+            copy.set_perception_properties(properties)
+            self._graph.RegisterGeometry(source, frame, copy)
+            self._frames.append(frame)
+        self._context = self._graph.CreateDefaultContext()
+        self._poses = self._graph.get_source_pose_port(source)
+
+    def depth(self, X_CFs: Array, camera: Camera, near: float, far: float) -> NDArray[np.float32]:
+        """z-depth (h, w) of copies posed at (n, 4, 4), n <= copies; 0 where there is nothing."""
+        if threading.get_ident() != self._thread:
+            raise RuntimeError("a depth renderer was used outside the thread that made it, where VTK renders wrongly")
+        poses = FramePoseVector()
+        behind = RigidTransform([0.0, 0.0, -far])
+        for i, frame in enumerate(self._frames):
+            shown = i < len(X_CFs)
+            X = RigidTransform(X_CFs[i]) if shown else behind
+            poses.set_value(frame, X)
+        self._poses.FixValue(self._context, poses)
+        query = self._graph.get_query_output_port().Eval(self._context)
+        image = query.RenderDepthImage(
+            _drake_camera(camera, near, far), SceneGraph.world_frame_id(), RigidTransform()
+        ).data[..., 0]
+        return np.where(np.isfinite(image), image, 0).astype(np.float32)
+
+
+def _drake_camera(camera: Camera, near: float, far: float) -> DepthRenderCamera:
+    # RenderEngineVtk puts the centre of pixel i at i + .5.
+    info = CameraInfo(camera.width, camera.height, camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5)
+    core = RenderCameraCore("depth", info, ClippingRange(near, far), RigidTransform())
+    return DepthRenderCamera(core, DepthRange(near, far))
+
+
+class DepthRenderer:
+    """Renders the depth of one posed object at a time, with an engine a label that is built when first asked for."""
+
+    def __init__(self, catalogue: "Catalogue", *, faces: int = 4000) -> None:
+        self._catalogue = catalogue
+        self._faces = faces
+        self._scenes: dict[str, tuple[_Scene, Array, float]] = {}
+
+    def depth(self, label: str, X_CO: Array, camera: Camera) -> NDArray[np.float32]:
+        """z-depth (h, w) in metres of the object at X_CO (4, 4), 0 where it is not seen.
+
+        Raises RuntimeError when called from another thread than the one that asked for the label first.
+        """
+        if label not in self._scenes:
+            vertices, faces = mesh_arrays(self._catalogue, label)
+            p_OM, radius = _ball(vertices)
+            scene = _Scene(_in_memory(*coarse(vertices, faces, self._faces)), 1)
+            self._scenes[label] = (scene, p_OM, radius)
+        scene, p_OM, radius = self._scenes[label]
+        # Planes tight around the object keep VTK's depth exact to a few micrometres.
+        z = float(X_CO[2, :3] @ p_OM + X_CO[2, 3])
+        far = z + 1.01 * radius
+        near = max(z - 1.01 * radius, 0.01)
+        if far <= near:
+            return np.zeros((camera.height, camera.width), dtype=np.float32)
+        # Drake wants the principal point inside the picture: a crop beside it is cut from one that reaches there.
+        left, top = max(0, int(np.ceil(-camera.cx))), max(0, int(np.ceil(-camera.cy)))
+        width = max(left + camera.width, int(left + camera.cx) + 2)
+        height = max(top + camera.height, int(top + camera.cy) + 2)
+        picture = Camera(width, height, camera.fx, camera.fy, camera.cx + left, camera.cy + top)
+        depth = scene.depth(X_CO[None], picture, near, far)
+        return np.ascontiguousarray(depth[top : top + camera.height, left : left + camera.width])
+
+
+class Atlas:
+    """Renders many poses of one object in one picture: a square of tiles, one copy of the object in each.
+
+    A single camera far away looks at all copies. Each is turned about the camera's centre onto its tile's ray, so that
+    it is seen as if it stood in the middle of the picture, and is drawn at the same scale whatever its distance from
+    the true camera: a pixel is `pixel` metres wide. Poses in excess of the copies are rendered in further pictures.
+    """
+
+    def __init__(
+        self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 12, limit: int = 400
+    ) -> None:
+        self.p_OM, radius = _ball(vertices)
+        """(3,): the object's middle M, which each tile shows at its centre."""
+        self.tile = tile
+        self.pixel = 2.02 * radius / tile
+        self._columns = columns
+        self._range = FAR - 1.5 * radius, FAR + 1.5 * radius
+        self._scene = _Scene(_in_memory(*coarse(vertices, faces, limit)), columns**2)
+        size, focal = columns * tile, FAR / self.pixel
+        middle = (size - 1) / 2
+        self._camera = Camera(size, size, focal, focal, middle, middle)
+        u = (np.arange(size) - middle) / focal
+        rays = np.stack([*np.meshgrid(u, u), np.ones((size, size))], -1)  # (size, size, 3)
+        corners = (np.arange(columns) + 0.5) * tile - 0.5 - middle
+        centres = np.stack([*np.meshgrid(corners, corners), np.full((columns, columns), focal)], -1).reshape(-1, 3)
+        self._R_AVs = view_rotations(centres)  # (columns^2, 3, 3): the frame V of each tile in the far camera's, A
+        self._rays_V = self._tiles(rays) @ self._R_AVs[:, None]  # (columns^2, tile, tile, 3)
+
+    def _tiles(self, image: NDArray[Any]) -> NDArray[Any]:
+        n, t = self._columns, self.tile
+        return np.moveaxis(image.reshape(n, t, n, t, -1), 2, 1).reshape(n * n, t, t, -1)
+
+    def points(self, R_VOs: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What is seen of the object turned by R_VOs (n, 3, 3) when looking along the z axis of V at its middle.
+
+        Returns p_MQ_V (n, tile, tile, 3), the points seen by each pixel relative to the middle, and (n, tile, tile),
+        whether the pixel sees one.
+        """
+        copies = self._columns**2
+        points = np.zeros((len(R_VOs), self.tile, self.tile, 3), dtype=np.float32)
+        seen = np.zeros(points.shape[:3], dtype=bool)
+        for start in range(0, len(R_VOs), copies):
+            part = slice(start, min(start + copies, len(R_VOs)))
+            R_AVs = self._R_AVs[: part.stop - start]
+            R_AOs = R_AVs @ R_VOs[part]
+            X_AOs = np.tile(np.eye(4), (len(R_AOs), 1, 1))
+            X_AOs[:, :3, :3] = R_AOs
+            X_AOs[:, :3, 3] = FAR * R_AVs[:, :, 2] - R_AOs @ self.p_OM
+            depth = self._tiles(self._scene.depth(X_AOs, self._camera, *self._range))[: len(R_AOs)]
+            points[part] = depth * self._rays_V[: len(R_AOs)] - [0.0, 0.0, FAR]
+            seen[part] = depth[..., 0] > 0
+        return points, seen
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surface(Immutable):
+    """What is seen of an object from each of many directions: points of its surface, with normals.
+
+    Every view shows `k` points, drawn from those that a depth render from there leaves visible, as densely as the view
+    shows the surface, so that each stands for the same share `areas` of the silhouette.
+    """
+
+    p_OM: Array
+    """(3,): the object's middle, which the views look at."""
+    radius: float
+    """Of a ball about the middle that holds the object, metres."""
+    directions: NDArray[np.float32]
+    """(views, 3): unit vectors from the camera to the middle, in O."""
+    points: NDArray[np.float32]
+    """(views, k, 3): p_MQ_O."""
+    normals: NDArray[np.float32]
+    """(views, k, 3): outward unit normals, in O."""
+    areas: NDArray[np.float32]
+    """(views,): square metres across the line of sight that one point of the view stands for."""
+
+
+def see_surface(
+    vertices: Array,
+    faces: NDArray[np.int64],
+    *,
+    views: int = 1000,
+    points: int = 192,
+    samples: int = 6000,
+    tile: int = 48,
+    seed: int = 0,
+) -> Surface:
+    """Renders the mesh (v, 3), (f, 3) from `views` directions and keeps what each shows."""
+    atlas = Atlas(vertices, faces, tile=tile, columns=9, limit=1000)
+    rng = np.random.default_rng(seed)
+    p_MSs, n_Ss = _sample(vertices - atlas.p_OM, faces, samples, rng)
+    directions = fibonacci_sphere(views)
+    R_VOs = np.swapaxes(view_rotations(directions), -1, -2)
+    chosen = np.zeros((views, points), dtype=np.int64)
+    areas = np.zeros(views)
+    middle = (tile - 1) / 2
+    for start in range(0, views, 81):
+        part = slice(start, min(start + 81, views))
+        p_MQs, seen = atlas.points(R_VOs[part])
+        # The farthest depth in the 3 x 3 pixels around: a visible point on a slope lies behind its own pixel's.
+        depth = np.where(seen, p_MQs[..., 2], -np.inf)
+        padded = np.pad(depth, ((0, 0), (1, 1), (1, 1)), constant_values=-np.inf)
+        farthest = np.max([padded[:, i : i + tile, j : j + tile] for i in range(3) for j in range(3)], axis=0)
+        p_V = p_MSs @ np.swapaxes(R_VOs[part], -1, -2)  # (b, samples, 3)
+        columns, rows = np.clip(np.rint(p_V[..., :2] / atlas.pixel + middle).astype(int), 0, tile - 1).T
+        index = np.arange(len(p_V))[:, None]
+        visible = p_V[..., 2] < farthest[index, rows.T, columns.T] + atlas.pixel / 2
+        facing = np.clip(-(n_Ss @ R_VOs[part, 2, :].T).T, 0, None)  # cosine between normal and line of sight
+        shares = np.cumsum(facing * visible + 1e-9, axis=1)
+        areas[part] = seen.sum(axis=(1, 2)) * atlas.pixel**2 / points
+        for view, share in zip(range(part.start, part.stop), shares, strict=True):
+            marks = (np.arange(points) + 0.5) / points * share[-1]
+            chosen[view] = np.searchsorted(share, marks)
+    return Surface(
+        readonly(atlas.p_OM),
+        atlas.pixel * tile / 2.02,
+        readonly(directions, np.float32),
+        readonly(p_MSs[chosen], np.float32),
+        readonly(n_Ss[chosen], np.float32),
+        readonly(areas, np.float32),
+    )
+
+
+def predicted_box(vertices: Array, X_WO: Array, frame: Frame) -> Box:
+    """The box around the projection of an object's vertices (v, 3) at X_WO (4, 4), cut at the picture's edges.
+
+    Empty (0, 0, 0, 0) when the object is out of the picture or reaches behind the camera.
+    """
+    camera = frame.camera
+    p_C = apply(inverse(frame.X_WC) @ X_WO, vertices)
+    if not (p_C[:, 2] > 0.01).all():
+        return 0.0, 0.0, 0.0, 0.0
+    u = camera.fx * p_C[:, 0] / p_C[:, 2] + camera.cx
+    v = camera.fy * p_C[:, 1] / p_C[:, 2] + camera.cy
+    # A pixel with centre i is covered from i - .5 to i + .5.
+    left, right = np.clip([u.min() + 0.5, u.max() + 0.5], 0, camera.width)
+    top, bottom = np.clip([v.min() + 0.5, v.max() + 0.5], 0, camera.height)
+    if left >= right or top >= bottom:
+        return 0.0, 0.0, 0.0, 0.0
+    return float(left), float(top), float(right - left), float(bottom - top)
+
+
+def view_rotations(directions: Array) -> Array:
+    """The smallest rotations R_CV (n, 3, 3) that bring the z axis onto the directions (n, 3), of any length."""
+    d = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    x, y, z = np.moveaxis(d, -1, 0)
+    # Looking straight back, any half-turn about an axis across z does.
+    k = 1.0 / np.maximum(1.0 + z, 1e-9)
+    R: Array = np.stack(
+        [np.stack([1 - k * x * x, -k * x * y, x], -1), np.stack([-k * x * y, 1 - k * y * y, y], -1),
+         np.stack([-x, -y, z], -1)], -2,
+    )  # fmt: skip
+    R[1.0 + z < 1e-6] = np.diag([1.0, -1.0, -1.0])
+    return R
+
+
+def fibonacci_sphere(n: int) -> Array:
+    """n unit vectors (n, 3) spread evenly: a Fibonacci lattice on the sphere."""
+    i = np.arange(n) + 0.5
+    z = 1 - 2 * i / n
+    angle = np.pi * (1 + np.sqrt(5)) * i
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(angle), r * np.sin(angle), z], -1)
+
+
+def _ball(vertices: Array) -> tuple[Array, float]:
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
+
+
+def _sample(vertices: Array, faces: NDArray[np.int64], n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """n points (n, 3) spread over a mesh by area, and the unit normals (n, 3) of their faces."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    normals = np.cross(b - a, c - a)
+    double_areas = np.linalg.norm(normals, axis=1)
+    total = np.cumsum(double_areas)
+    face = np.searchsorted(total, (np.arange(n) + rng.random(n)) / n * total[-1], side="right").clip(max=len(faces) - 1)
+    s, t = rng.random((2, n, 1))
+    s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
+    points = a[face] + s * (b - a)[face] + t * (c - a)[face]
+    order = rng.permutation(n)
+    unit = normals[face] / np.maximum(double_areas[face], 1e-30)[:, None]
+    return points[order], unit[order]
