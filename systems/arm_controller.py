@@ -2,12 +2,11 @@
 
 import dataclasses
 
-import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from sum_drake.playback import desired, running_segment
-from sum_drake.robot import HAND, JOINTS, VIEW_HEAD
+from sum_drake.robot import HAND, JOINTS, desired_state
 from sum_drake.types import Immutable, Motion, MotionStatus
 
 
@@ -62,8 +61,7 @@ class ArmController(LeafSystem):
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
         playing: _Playing = context.get_abstract_state(self._playing).get_value()
         q, v, gap = desired(playing.motion, context.get_time() - playing.start, playing.gap_start)
-        fingers = np.full(2, gap / 2)
-        output.SetFromVector(np.concatenate([q, VIEW_HEAD, fingers, v, np.zeros(4)]))
+        output.SetFromVector(desired_state(q, gap, v=v))
 
     def _calc_status(self, context: Context, output: Value[object]) -> None:
         playing: _Playing = context.get_abstract_state(self._playing).get_value()

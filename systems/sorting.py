@@ -8,17 +8,17 @@ from contextlib import contextmanager
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
-from sum_drake.motion import PlanningScene
 from sum_drake.picking import plan_retreat
 from sum_drake.systems.run_log import RunLog
-from sum_drake.systems.station import make_station, object_render_labels, set_home
 
 from sum_drake import belief
 from sum_drake.filtering import PoseEstimator, filter_config
 from sum_drake.kinematics import Arm
+from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
+from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
@@ -28,6 +28,7 @@ from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
 from sum_drake.systems.sorting_planner import Decide, Retreat, SortingPlanner
+from sum_drake.systems.station import make_station, object_bodies, object_render_labels, set_home
 from sum_drake.task import Look, Pick, SortingTask, Stop
 from sum_drake.types import (
     Array,
@@ -161,7 +162,7 @@ def make_sorting(
         ),
     )
     frames = builder.AddNamedSystem(
-        "frame_assembler", FrameAssembler(camera=scenario.cameras["head_camera"].intrinsics())
+        "frame_assembler", FrameAssembler(camera=make_camera(scenario.cameras["head_camera"]))
     )
     detector = builder.AddNamedSystem(
         "object_detector",
@@ -186,9 +187,7 @@ def make_sorting(
     referee = builder.AddNamedSystem(
         "referee",
         Referee(
-            objects={
-                label: int(plant.GetBodyIndices(plant.GetModelInstanceByName(label))[0]) for label in sorted(X_WOs)
-            },
+            objects=object_bodies(station),
             hand=int(plant.GetBodyByName("gripper_link").index()),
             period=POLL,
         ),
@@ -261,8 +260,7 @@ def run(
     on_diagram(diagram)
     simulator = Simulator(diagram)
     root = simulator.get_mutable_context()
-    station = diagram.GetSubsystemByName("station")
-    set_home(station, station.GetMyMutableContextFromRoot(root))
+    set_home(diagram.GetSubsystemByName("station"), root)
     watch = _Watch(diagram, progress)
     simulator.set_monitor(watch)
     with costs.of("all"):

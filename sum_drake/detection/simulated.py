@@ -66,7 +66,8 @@ def simulate_detections(
         if not missed and jittered is not None:
             detections.append(Detection(jittered, p_box, sigma_c_rule(p_labels, sigma_c)))
     for _ in range(rng.poisson(config.false_boxes)):
-        w, h = rng.uniform(40, 140, 2)
+        w, h = rng.uniform(0.06, 0.22, 2) * width
+        h = min(h, height / 2)
         box = (rng.uniform(0, width - w), rng.uniform(height / 3, height - h), w, h)
         true = str(rng.choice(labels))
         p_labels = _confidences(true, labels, wrong=False, lost=False, rng=rng)
