@@ -318,7 +318,7 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budge
     class Validator(ob.MotionValidator):  # type: ignore[misc]
         """One call an edge; a callback a state would cost ten times as much."""
 
-        def checkMotion(self, s1: Any, s2: Any, *last: Any) -> bool:  # noqa: N802
+        def checkMotion(self, s1: Any, s2: Any, *last: Any) -> bool:
             return edges.free(q_of(s1), q_of(s2))
 
     validator = Validator(information)
