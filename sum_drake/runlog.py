@@ -70,8 +70,8 @@ class RunLogWriter:
         from foxglove import channels
         from foxglove.mcap import MCAPWriteOptions
 
-        self.observations = 0
-        """How many perception records were written."""
+        self.last_step = -1
+        """Step of the perception record written last."""
         self.attempts = 0
         """How many attempts were written."""
         self._particles = particles
@@ -126,7 +126,7 @@ class RunLogWriter:
         # Last: a record that can be read has its pictures before it.
         self._perception.log(encode(lean), log_time=_nanoseconds(frame.time))
         self._mcap.flush()
-        self.observations += 1
+        self.last_step = perception.step
 
     def write_attempt(self, time: float, attempt: Attempt) -> None:
         """One attempt at one object, at simulation time `time`."""

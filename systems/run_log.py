@@ -1,0 +1,59 @@
+"""Everything that a run was, into its log."""
+
+from collections.abc import Sequence
+
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
+
+from sum_drake.runlog import RunLogWriter
+from sum_drake.types import Attempt, Perception
+
+
+class RunLog(LeafSystem):
+    """Writes each perception record and attempt once, and the measured joints at a steady rate.
+
+    .. pydrake_system::
+
+        name: RunLog
+        input_ports:
+        - perception
+        - attempts
+        - joint_state
+
+    `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
+    far; `joint_state` positions, then velocities, of `joint_names`. Only publish events: nothing in the context
+    changes, and what has been written is known by the writer, so a record that stays on its port, a forced publish
+    (`diagram.ForcedPublish`, to catch what came last) or a context that is replayed write nothing twice.
+    """
+
+    def __init__(
+        self,
+        *,
+        writer: RunLogWriter,
+        joint_names: Sequence[str],
+        record_period: float = 0.02,
+        joint_period: float = 0.1,
+    ) -> None:
+        """record_period: how often perception and attempts are looked at; joint_period: of joint samples, seconds."""
+        super().__init__()
+        self._writer, self._joint_names = writer, tuple(joint_names)
+        self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))
+        self._attempts = self.DeclareAbstractInputPort("attempts", Value[object](()))
+        self._joint_state = self.DeclareVectorInputPort("joint_state", BasicVector(2 * len(self._joint_names)))
+        self.DeclarePeriodicPublishEvent(record_period, 0.0, self._write_records)
+        self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
+        self.DeclareForcedPublishEvent(self._write_records)
+
+    def _write_records(self, context: Context) -> EventStatus:
+        perception: Perception | None = self._perception.Eval(context)
+        if perception is not None and perception.step > self._writer.last_step:
+            self._writer.write_perception(perception)
+        attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
+        for attempt in attempts[self._writer.attempts :]:
+            self._writer.write_attempt(context.get_time(), attempt)
+        return EventStatus.Succeeded()
+
+    def _write_joint_state(self, context: Context) -> EventStatus:
+        positions = self._joint_state.Eval(context)[: len(self._joint_names)]
+        self._writer.write_joint_state(context.get_time(), self._joint_names, positions)
+        return EventStatus.Succeeded()

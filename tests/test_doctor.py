@@ -1,0 +1,82 @@
+"""The doctor: a missing driver is one clear line, never a crash."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sum_drake import doctor, egl
+
+
+@pytest.fixture(params=["no vendor", "no driver"])
+def no_driver(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An environment in which EGL really finds no driver: Drake ends with SIGSEGV at its first render in both."""
+    if request.param == "no vendor":
+        monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(tmp_path / "nothing.json"))
+    else:
+        monkeypatch.setenv("LIBGL_DRIVERS_PATH", str(tmp_path))
+
+
+def test_this_machine_renders() -> None:
+    assert doctor.egl_problem() is None
+    doctor.require_rendering()
+
+
+@pytest.mark.usefixtures("no_driver")
+def test_a_missing_driver_is_one_line() -> None:
+    problem = doctor.egl_problem()
+    assert problem is not None and "\n" not in problem
+    assert "libglib2.0-0 libegl1 libgl1-mesa-dri" in problem
+    with pytest.raises(doctor.RenderingError, match="libgl1-mesa-dri"):
+        doctor.require_rendering()
+
+
+@pytest.mark.usefixtures("no_driver")
+def test_the_whole_diagnosis_survives_a_missing_driver() -> None:
+    findings = {finding.name: finding for finding in doctor.diagnose()}
+    assert findings["rendering"].status == "missing"
+    assert findings["depth render"].status == "missing"
+    assert findings["drake"].status == "ok"
+
+
+def test_a_driver_that_crashes_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A vendor library that kills whoever loads it kills the probe's process only."""
+    crash = tmp_path / "crash.py"
+    crash.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    monkeypatch.setattr(doctor, "EGL_SCRIPT", crash)
+    problem = doctor.egl_problem()
+    assert problem is not None and "\n" not in problem and "broke when asked" in problem
+
+
+def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def load(name: str) -> None:
+        raise OSError(f"{name}: cannot open shared object file: No such file or directory")
+
+    monkeypatch.setattr(egl.ctypes, "CDLL", load)
+    assert "libglib-2.0.so.0" in egl.probe()
+
+
+def test_the_probe_needs_nothing_of_the_package(tmp_path: Path) -> None:
+    """It runs before anything else is known to work, even on a bare interpreter."""
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", os.fspath(egl.__file__)], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
+    assert done.stdout.count("\n") == 1
+
+
+def test_diagnosis() -> None:
+    findings = {finding.name: finding for finding in doctor.diagnose()}
+    assert findings["depth render"].status == "ok" and "ms" in findings["depth render"].detail
+    assert {"python", "drake", "torch", "cores", "memory", "SNOPT", "IPOPT"} <= set(findings)
+    text = doctor.format(list(findings.values()))
+    assert len(text.splitlines()) == len(findings)
+    assert not any(line.endswith(" ") for line in text.splitlines())
+
+
+def test_a_missing_package_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "PACKAGES", ("numpy", "no-such-package"))
+    assert doctor.versions()["no-such-package"] == "missing"
+    statuses = {finding.name: finding.status for finding in doctor.diagnose()}
+    assert statuses["no-such-package"] == "missing"

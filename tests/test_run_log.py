@@ -1,0 +1,88 @@
+"""The RunLog system: each record once, joints at 10 Hz, and nothing that a replay could double."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem, State
+from pydrake.systems.primitives import ConstantVectorSource
+from test_runlog import make_attempt, make_perception
+
+from sum_drake.runlog import RunLogWriter, read_run_log
+from sum_drake.systems.run_log import RunLog
+
+JOINTS = ("torso", "pan")
+
+
+class Source(LeafSystem):
+    """Raises a counter every second; its records are a function of it, held between rises."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._count = self.DeclareAbstractState(Value[object](0))
+        self.DeclareAbstractOutputPort("perception", lambda: Value[object](None), self._calc_perception)
+        self.DeclareAbstractOutputPort("attempts", lambda: Value[object](()), self._calc_attempts)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(1.0, 0.5, self._update)
+
+    def _held(self, context: Context) -> int:
+        count: int = context.get_abstract_state(self._count).get_value()
+        return count
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        state.get_mutable_abstract_state(self._count).set_value(self._held(context) + 1)
+        return EventStatus.Succeeded()
+
+    def _calc_perception(self, context: Context, output: Value[object]) -> None:
+        count = self._held(context)
+        output.set_value(make_perception(count - 1) if count else None)
+
+    def _calc_attempts(self, context: Context, output: Value[object]) -> None:
+        # Two attempts follow each observation: an object given up and one tried.
+        output.set_value(tuple(make_attempt(i // 2) for i in range(2 * self._held(context))))
+
+
+def test_ports() -> None:
+    system = RunLog(writer=None, joint_names=JOINTS)  # type: ignore[arg-type]
+    names = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
+    assert names == ["perception", "attempts", "joint_state"]
+    assert system.num_output_ports() == 0
+    assert system.GetInputPort("joint_state").size() == 4
+
+
+def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None:
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        system = RunLog(writer=writer, joint_names=JOINTS)
+        context = system.CreateDefaultContext()
+        system.GetInputPort("perception").FixValue(context, Value[object](None))
+        system.GetInputPort("attempts").FixValue(context, Value[object](()))
+        system.GetInputPort("joint_state").FixValue(context, np.zeros(4))
+        system.ForcedPublish(context)
+    record = read_run_log(tmp_path / "run.mcap")
+    assert record.perceptions == () and record.attempts == ()
+
+
+@pytest.mark.parametrize("steps", [[3.0], [0.25, 0.5, 1.0, 1.0, 1.5, 2.5, 3.0]])
+def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
+    """However the time is cut into AdvanceTo calls, and with forced publishes in between."""
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        builder = DiagramBuilder()
+        source = builder.AddNamedSystem("source", Source())
+        run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS))
+        joints = builder.AddNamedSystem("joints", ConstantVectorSource([0.3, 1.0, 0.0, 0.0]))
+        for port in ("perception", "attempts"):
+            builder.Connect(source.GetOutputPort(port), run_log.GetInputPort(port))
+        builder.Connect(joints.get_output_port(), run_log.GetInputPort("joint_state"))
+        diagram = builder.Build()
+        simulator = Simulator(diagram)
+        for time in steps:
+            simulator.AdvanceTo(time)
+            diagram.ForcedPublish(simulator.get_context())
+        simulator.AdvancePendingEvents()
+    record = read_run_log(tmp_path / "run.mcap")
+    assert [perception.step for perception in record.perceptions] == [0, 1, 2]
+    assert [attempt.step for _, attempt in record.attempts] == [0, 0, 1, 1, 2, 2]
+    np.testing.assert_allclose([time for time, _ in record.attempts][::2], [0.5, 1.5, 2.5], atol=0.021)
+    np.testing.assert_allclose(record.joint_times, np.arange(31) * 0.1, atol=1e-9)
+    np.testing.assert_array_equal(record.joint_positions, [[0.3, 1.0]] * 31)
