@@ -36,7 +36,7 @@ STIFFNESS = dict(
     )
 )
 """Proportional gains, N/m and N m/rad. The drives saturate at the joints' effort limits; 60 N at a finger."""
-FINGER_DAMPING = 1000.0
+FINGER_DAMPING = 3000.0
 """N s/m: an open hand closes in about a tenth of a second and meets the object without a blow."""
 
 
@@ -161,7 +161,7 @@ def object_render_labels(station: Diagram) -> dict[int, str]:
 
 
 def _look() -> RenderEngineVtkParams:
-    """A bright room: a light from the left above, a weaker one from the right, one at the camera against black."""
+    """A bright room: a light behind the robot's left shoulder, a weaker one to its right, one at the camera."""
 
     def light(direction: tuple[float, float, float], intensity: float, frame: str = "world") -> LightParameter:
         return LightParameter(type="directional", direction=direction, intensity=intensity, frame=frame)
@@ -169,9 +169,9 @@ def _look() -> RenderEngineVtkParams:
     return RenderEngineVtkParams(
         default_clear_color=np.array([0.86, 0.89, 0.92]),
         lights=[
-            light((0.5, -0.45, -1.0), 0.62),
-            light((-0.2, 0.8, -0.7), 0.30),
-            light((0.0, 0.0, 1.0), 0.35, "camera"),
+            light((0.8, -0.5, -1.0), 0.60),
+            light((0.1, 0.8, -0.7), 0.28),
+            light((0.0, 0.0, 1.0), 0.42, "camera"),
         ],
     )
 

@@ -289,7 +289,7 @@ def write_obj(path: Path, shapes: list[Shape]) -> None:
 
 
 def numbers(values: tuple[float, ...]) -> str:
-    return " ".join(f"{value:.9g}" for value in values)
+    return " ".join(f"{value:.12g}" for value in values)
 
 
 def add_origin(parent: ET.Element, xyz: tuple[float, ...], rpy: tuple[float, ...] = (0.0, 0.0, 0.0)) -> None:
