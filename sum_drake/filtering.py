@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from sum_drake.assets import InputError
@@ -30,6 +31,10 @@ from sum_drake.types import Array, Box, Camera, Frame, Immutable, PickPlace, Pos
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
+
+
+FILTERS = ("default", "paper")
+"""Names of the presets."""
 
 
 @dataclasses.dataclass
@@ -121,7 +126,7 @@ def filter_config(name: str = "default") -> FilterConfig:
             effective_share=0.0,
             candidates=0,
         )
-    raise InputError(f"filter: {name!r} is unknown; expected 'default' or 'paper'")
+    raise InputError(f"filter: {name!r} is unknown; expected one of {', '.join(FILTERS)}")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -173,7 +178,7 @@ class _Shown:
 class _Model:
     """An object as the filter sees it: its looks from all sides, on torch."""
 
-    def __init__(self, vertices: Array, faces: Array, render: str) -> None:
+    def __init__(self, vertices: Array, faces: NDArray[np.int64], render: str) -> None:
         self.surface: Surface | None = None
         self.atlas: Atlas | None = None
         if render == "views":
@@ -202,7 +207,7 @@ class _Model:
         points, seen = self.atlas.points(R_VOs.double().numpy())
         n = len(particles)
         p_CPs = torch.from_numpy(points).view(n, -1, 3) @ R_CVs.transpose(1, 2) + p_CMs[:, None]
-        return _Shown(p_CPs, None, torch.from_numpy(seen).view(n, -1) * np.float32(self.atlas.pixel**2))
+        return _Shown(p_CPs, None, torch.from_numpy(seen).view(n, -1) * self.atlas.pixel**2)
 
 
 class PoseEstimator:
@@ -463,9 +468,10 @@ def predict(
 ) -> PoseBelief:
     """The belief after an action, before the next observation (Sui et al. 2017, eq. 10).
 
-    The action's target is at X_WO_place (4, 4) with sigma_place, with probability w_place, or else still where it was,
-    with sigma_stay. Any other object is where it was, with sigma_other. None, or an action of kind "none": nothing was
-    touched, and the belief is returned as it is. Noise is on positions, and on rotation vectors by radians_per_metre.
+    The action's target is at X_WO_place (4, 4; None: the action's) with sigma_place, with probability w_place, or else
+    still where it was, with sigma_stay; the latter for certain when the hand was not opened at the place. Any other
+    object is where it was, with sigma_other. None, or an action of kind "none": nothing was touched, and the belief is
+    returned as it is. Noise is on positions, and on rotation vectors by radians_per_metre.
     """
     if action is None or action.kind == "none":
         return belief
@@ -473,10 +479,8 @@ def predict(
     X_WOs = belief.X_WOs[_ancestors(torch.from_numpy(np.array(belief.weights)), n, rng)]
     sigma = np.full(n, config.sigma_other)
     if is_target:
-        placed = np.zeros(n, dtype=bool)
-        if X_WO_place is not None:
-            placed = rng.random(n) < config.w_place
-            X_WOs[placed] = X_WO_place
+        placed = rng.random(n) < (config.w_place if action.released else 0.0)
+        X_WOs[placed] = action.X_WO_place if X_WO_place is None else X_WO_place
         sigma = np.where(placed, config.sigma_place, config.sigma_stay)
     X_WOs[:, :3, 3] += sigma[:, None] * rng.normal(size=(n, 3))
     turn = config.radians_per_metre * sigma[:, None] * rng.normal(size=(n, 3))
@@ -557,11 +561,11 @@ def _weights(scores: Tensor, effective_share: float) -> Tensor:
     return torch.softmax(low * logs, 0)
 
 
-def _ancestors(weights: Tensor, n: int, rng: np.random.Generator) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+def _ancestors(weights: Tensor, n: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Indices (n,) drawn by systematic resampling."""
     total = np.cumsum(weights.double().numpy())
     marks = (np.arange(n) + rng.random()) / n * total[-1]
-    return np.minimum(np.searchsorted(total, marks, side="right"), len(total) - 1)
+    return np.asarray(np.minimum(np.searchsorted(total, marks, side="right"), len(total) - 1))
 
 
 def _resampled(particles: _Particles, weights: "Tensor | Array", n: int, rng: np.random.Generator) -> _Particles:
