@@ -21,11 +21,11 @@ class RenderingError(RuntimeError):
     """This machine cannot render. The message is one line that says what to install."""
 
 
-class Finding(NamedTuple):
+class Check(NamedTuple):
     """One line of the diagnosis."""
 
     name: str
-    status: Literal["ok", "warning", "missing"]
+    status: Literal["ok", "warning", "bad"]
     detail: str
 
 
@@ -89,39 +89,37 @@ def _processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
-def diagnose() -> list[Finding]:
+def diagnose() -> list[Check]:
     """Everything worth knowing before a first run, in the order in which to read it."""
-    findings = [
-        Finding(name, "missing" if version == "missing" else "ok", version) for name, version in versions().items()
-    ]
+    checks = [Check(name, "bad" if version == "missing" else "ok", version) for name, version in versions().items()]
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    findings.append(Finding("cores", "ok" if cores >= 2 else "warning", str(cores)))
-    findings.append(Finding("memory", "ok" if memory >= 4 else "warning", f"{memory:.1f} GiB"))
-    findings += [_torch(), *_solvers()]
+    checks.append(Check("cores", "ok" if cores >= 2 else "warning", str(cores)))
+    checks.append(Check("memory", "ok" if memory >= 4 else "warning", f"{memory:.1f} GiB"))
+    checks += [_torch(), *_solvers()]
     problem = egl_problem()
-    findings.append(Finding("rendering", "missing" if problem else "ok", problem or _ask_egl().removeprefix("ok: ")))
-    findings.append(Finding("depth render", "missing", "not tried") if problem else _depth_render())
-    return findings
+    checks.append(Check("rendering", "bad" if problem else "ok", problem or _ask_egl().removeprefix("ok: ")))
+    checks.append(Check("depth render", "bad", "not tried") if problem else _depth_render())
+    return checks
 
 
-def _torch() -> Finding:
+def _torch() -> Check:
     try:
         import torch
     except ImportError as error:
-        return Finding("torch device", "missing", str(error))
+        return Check("torch device", "bad", str(error))
     if torch.cuda.is_available():
-        return Finding("torch device", "ok", f"cuda, {torch.cuda.get_device_name()}")
-    return Finding("torch device", "ok", f"cpu, {torch.get_num_threads()} threads")
+        return Check("torch device", "ok", f"cuda, {torch.cuda.get_device_name()}")
+    return Check("torch device", "ok", f"cpu, {torch.get_num_threads()} threads")
 
 
-def _solvers() -> list[Finding]:
+def _solvers() -> list[Check]:
     try:
         from pydrake.solvers import IpoptSolver, SnoptSolver
     except ImportError as error:
-        return [Finding("solvers", "missing", str(error))]
+        return [Check("solvers", "bad", str(error))]
     return [
-        Finding(name, "ok" if solver.available() and solver.enabled() else "warning", words)
+        Check(name, "ok" if solver.available() and solver.enabled() else "warning", words)
         for name, solver, words in (
             ("SNOPT", SnoptSolver(), "nonlinear programs"),
             ("IPOPT", IpoptSolver(), "nonlinear programs, where there is no SNOPT"),
@@ -129,7 +127,7 @@ def _solvers() -> list[Finding]:
     ]
 
 
-def _depth_render() -> Finding:
+def _depth_render() -> Check:
     """Renders a sphere one metre away at 640 x 480, and times it once everything is warm."""
     try:
         from pydrake.geometry import (
@@ -149,7 +147,7 @@ def _depth_render() -> Finding:
         from pydrake.math import RigidTransform
         from pydrake.systems.sensors import CameraInfo
     except ImportError as error:
-        return Finding("depth render", "missing", str(error))
+        return Check("depth render", "bad", str(error))
     scene_graph = SceneGraph()
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
     ball = GeometryInstance(RigidTransform([0.0, 0.0, 1.0]), Sphere(0.2), "ball")
@@ -170,11 +168,11 @@ def _depth_render() -> Finding:
         render()
     milliseconds = (time.perf_counter() - start) / 5 * 1e3
     if abs(depth - 0.8) > 0.005:
-        return Finding("depth render", "warning", f"a sphere 0.8 m away was seen at {depth:.3f} m")
-    return Finding("depth render", "ok", f"640 x 480 in {milliseconds:.1f} ms")
+        return Check("depth render", "warning", f"a sphere 0.8 m away was seen at {depth:.3f} m")
+    return Check("depth render", "ok", f"640 x 480 in {milliseconds:.1f} ms")
 
 
-def format(findings: list[Finding]) -> str:
+def format_checks(checks: list[Check]) -> str:
     """The diagnosis as aligned text, one line each."""
-    width = max(len(finding.name) for finding in findings)
-    return "\n".join(f"{f.status:8} {f.name:{width}}  {f.detail}" for f in findings)
+    width = max(len(check.name) for check in checks)
+    return "\n".join(f"{c.status:8} {c.name:{width}}  {c.detail}" for c in checks)

@@ -275,7 +275,7 @@ def summary(
         "manipulation_errors": sum(map(_is_manipulation_error, trials)),
         "observations": list(observations),
         "attempts": list(attempts),
-        "timing": {name: timing.get(name) for name in TIMING},
+        "timing": {**dict.fromkeys(TIMING), **timing},
         "digest": digest,
         "versions": dict(versions),
         "device": device,

@@ -5,6 +5,7 @@ import json
 import types
 import typing
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,3 +61,10 @@ def decode(kind: Any, data: Any) -> Any:
 def canonical(value: Any) -> str:
     """JSON text that is equal exactly when the value is: sorted keys, no spaces, numbers as `float.hex`."""
     return json.dumps(encode(value, float.hex), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Plain data as indented JSON, through a temporary file beside it: nobody ever reads half of it."""
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
+    temporary.replace(path)

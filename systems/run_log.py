@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
 
+from sum_drake.robot import STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
 from sum_drake.types import Attempt, Perception
 
@@ -30,11 +31,12 @@ class RunLog(LeafSystem):
         self,
         *,
         writer: RunLogWriter,
-        joint_names: Sequence[str],
+        joint_names: Sequence[str] = tuple(joint.name for joint in STATE_JOINTS),
         record_period: float = 0.02,
         joint_period: float = 0.1,
     ) -> None:
-        """record_period: how often perception and attempts are looked at; joint_period: of joint samples, seconds."""
+        """joint_names: of `joint_state`, the station's `fetch.state` by default. record_period: how often perception and attempts are
+        looked at; joint_period: of joint samples, seconds."""
         super().__init__()
         self._writer, self._joint_names = writer, tuple(joint_names)
         self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))

@@ -35,10 +35,10 @@ def test_a_missing_driver_is_one_line() -> None:
 
 @pytest.mark.usefixtures("no_driver")
 def test_the_whole_diagnosis_survives_a_missing_driver() -> None:
-    findings = {finding.name: finding for finding in doctor.diagnose()}
-    assert findings["rendering"].status == "missing"
-    assert findings["depth render"].status == "missing"
-    assert findings["drake"].status == "ok"
+    checks = {check.name: finding for check in doctor.diagnose()}
+    assert checks["rendering"].status == "bad"
+    assert checks["depth render"].status == "bad"
+    assert checks["drake"].status == "ok"
 
 
 def test_a_driver_that_crashes_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,16 +67,16 @@ def test_the_probe_needs_nothing_of_the_package(tmp_path: Path) -> None:
 
 
 def test_diagnosis() -> None:
-    findings = {finding.name: finding for finding in doctor.diagnose()}
-    assert findings["depth render"].status == "ok" and "ms" in findings["depth render"].detail
-    assert {"python", "drake", "torch", "cores", "memory", "SNOPT", "IPOPT"} <= set(findings)
-    text = doctor.format(list(findings.values()))
-    assert len(text.splitlines()) == len(findings)
+    checks = {check.name: finding for check in doctor.diagnose()}
+    assert checks["depth render"].status == "ok" and "ms" in checks["depth render"].detail
+    assert {"python", "drake", "torch", "cores", "memory", "SNOPT", "IPOPT"} <= set(checks)
+    text = doctor.format_checks(list(checks.values()))
+    assert len(text.splitlines()) == len(checks)
     assert not any(line.endswith(" ") for line in text.splitlines())
 
 
-def test_a_missing_package_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "PACKAGES", ("numpy", "no-such-package"))
     assert doctor.versions()["no-such-package"] == "missing"
-    statuses = {finding.name: finding.status for finding in doctor.diagnose()}
-    assert statuses["no-such-package"] == "missing"
+    statuses = {check.name: check.status for check in doctor.diagnose()}
+    assert statuses["no-such-package"] == "bad"
