@@ -9,6 +9,8 @@ from sum_drake.robot import STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
 from sum_drake.types import Attempt, Perception
 
+FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
+
 
 class RunLog(LeafSystem):
     """Writes each perception record and attempt once, and the measured joints at a steady rate.
@@ -31,12 +33,14 @@ class RunLog(LeafSystem):
         self,
         *,
         writer: RunLogWriter,
-        joint_names: Sequence[str] = tuple(joint.name for joint in STATE_JOINTS),
+        joint_names: Sequence[str] = FETCH_STATE,
         record_period: float = 0.02,
         joint_period: float = 0.1,
     ) -> None:
-        """joint_names: of `joint_state`, the station's `fetch.state` by default. record_period: how often perception and attempts are
-        looked at; joint_period: of joint samples, seconds."""
+        """joint_names: of `joint_state`, by default those of the station's `fetch.state`.
+
+        record_period, joint_period: how often perception and attempts are looked at and joints sampled, seconds.
+        """
         super().__init__()
         self._writer, self._joint_names = writer, tuple(joint_names)
         self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))

@@ -35,7 +35,7 @@ def test_a_missing_driver_is_one_line() -> None:
 
 @pytest.mark.usefixtures("no_driver")
 def test_the_whole_diagnosis_survives_a_missing_driver() -> None:
-    checks = {check.name: finding for check in doctor.diagnose()}
+    checks = {check.name: check for check in doctor.diagnose()}
     assert checks["rendering"].status == "bad"
     assert checks["depth render"].status == "bad"
     assert checks["drake"].status == "ok"
@@ -67,7 +67,7 @@ def test_the_probe_needs_nothing_of_the_package(tmp_path: Path) -> None:
 
 
 def test_diagnosis() -> None:
-    checks = {check.name: finding for check in doctor.diagnose()}
+    checks = {check.name: check for check in doctor.diagnose()}
     assert checks["depth render"].status == "ok" and "ms" in checks["depth render"].detail
     assert {"python", "drake", "torch", "cores", "memory", "SNOPT", "IPOPT"} <= set(checks)
     text = doctor.format_checks(list(checks.values()))
