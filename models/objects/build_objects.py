@@ -17,7 +17,6 @@ import trimesh
 import yaml
 
 HERE = Path(__file__).resolve().parent
-MODULUS = 1e7
 FRICTION = 0.6
 
 
@@ -99,7 +98,7 @@ def sdf(product: products.Product, mesh: trimesh.Trimesh, origin: shapes.Array) 
         elif piece.kind in ("cylinder", "capsule"):
             radius, length = piece.size
             shape = f"<{piece.kind}><radius>{radius:.6g}</radius><length>{length:.6g}</length></{piece.kind}>"
-            hint = max(radius * 0.7, 0.006)
+            hint = 0.35 * radius  # 18 facets: the mesh lies within half a millimetre of the round shape
         else:
             pose = ""
             shape = f"<mesh><uri>{label}_collision_{k}.obj</uri><drake:declare_convex/></mesh>"
@@ -109,7 +108,7 @@ def sdf(product: products.Product, mesh: trimesh.Trimesh, origin: shapes.Array) 
         {pose}<geometry>{shape}</geometry>
         <drake:proximity_properties>
           <drake:compliant_hydroelastic/>
-          <drake:hydroelastic_modulus>{MODULUS:g}</drake:hydroelastic_modulus>
+          <drake:hydroelastic_modulus>{product.modulus:g}</drake:hydroelastic_modulus>
           <drake:mesh_resolution_hint>{hint:.3g}</drake:mesh_resolution_hint>
           <drake:hunt_crossley_dissipation>5</drake:hunt_crossley_dissipation>
           <drake:mu_dynamic>{FRICTION}</drake:mu_dynamic>

@@ -6,11 +6,12 @@ every part stays closed.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.spatial import ConvexHull
 
 Array = npt.NDArray[np.float64]
@@ -129,7 +130,7 @@ def loft(rings: Array, region: str, bottom: str | None = None, top: str | None =
             low, high = rings[end].min(0), rings[end].max(0)
             square = (rings[end] - low)[:, :2] / (high - low)[:2]
             plane = np.stack([square[:, 1] if sign > 0 else 1 - square[:, 1], 1 - square[:, 0]], 1)
-            middle = plane.mean(0) if False else ((rings[end].mean(0) - low)[:2] / (high - low)[:2])
+            middle = (rings[end].mean(0) - low)[:2] / (high - low)[:2]
             middle = np.array([middle[1] if sign > 0 else 1 - middle[1], 1 - middle[0]])
             t0, t1, t2 = np.tile(middle, (n, 1)), plane, np.roll(plane, -1, axis=0)
         fan = (np.full(n, centre), rim, following) if sign > 0 else (np.full(n, centre), following, rim)
@@ -159,8 +160,6 @@ def ellipsoid(centre: Sequence[float], radii: Sequence[float], region: str, n: i
 
 def curve(points: Sequence[Sequence[float]], count: int) -> Array:
     """(count, k): a Catmull-Rom-like curve through `points` (m, k), evenly spaced by length."""
-    from scipy.interpolate import CubicSpline
-
     rows = np.asarray(points, dtype=float)
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1))])
     fine = CubicSpline(s, rows)(np.linspace(0, s[-1], 400))
@@ -252,9 +251,7 @@ def capsule(start: Sequence[float], end: Sequence[float], radius: float) -> Piec
 def capsules(path: Array, count: int) -> list[Piece]:
     """A chain of capsules along a swept tube; the radius is the mean of the tube's half-extents."""
     at = np.linspace(0, len(path) - 1, count + 1).round().astype(int)
-    return [
-        capsule(path[i, :3], path[j, :3], float(path[[i, j], 3:].mean())) for i, j in zip(at[:-1], at[1:], strict=True)
-    ]
+    return [capsule(path[i, :3], path[j, :3], float(path[[i, j], 3:].mean())) for i, j in itertools.pairwise(at)]
 
 
 def hull(points: Array) -> Piece:
@@ -266,7 +263,7 @@ def hulls(sections: Sequence[Section], cuts: Sequence[float], n: int = 14) -> li
     """Convex pieces of a loft, cut at the heights `cuts`; each spans the sections between two of them."""
     z = np.array([s[0] for s in sections])
     pieces = []
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in itertools.pairwise(cuts):
         rows = np.array(sections)[(z >= low - 1e-9) & (z <= high + 1e-9)]
         # Few rings are enough, and fewer tetrahedra make contact cheaper.
         keep = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 5)).round().astype(int))
@@ -276,7 +273,7 @@ def hulls(sections: Sequence[Section], cuts: Sequence[float], n: int = 14) -> li
 
 def wedges(inner: float, outer: float, low: float, high: float, count: int) -> list[Piece]:
     """The wall of a cup as `count` convex wedges between two radii and two heights."""
-    # The wall between two angles is not convex: the wedge's inner face is the chord, moved out to touch the cavity.
+    # The wedge's inner face is the chord of its arc: it reaches into the cavity by a fraction of the wall.
     pieces = []
     step = 2 * np.pi / count
     for k in range(count):

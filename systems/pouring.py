@@ -1,0 +1,250 @@
+"""Pours objects onto the table: a small simulation of its own, whose settled poses start the station.
+
+Objects fall one after another, turned at random, between four walls that nobody sees. Once they lie still the walls
+go, what leaned on them slumps, and once all is still again the poses are taken.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.geometry import Box, Role, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import (
+    ModelDirective,
+    ModelDirectives,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+
+from sum_drake.assets import PACKAGE_XML, InputError
+from sum_drake.objects import ObjectModel
+from sum_drake.types import Array, readonly
+
+
+@dataclasses.dataclass
+class PouringConfig:
+    """Where and how objects are poured. SI units."""
+
+    support: str = "table"
+    """Model of the directives that is poured onto; nothing else of the scene takes part."""
+    center: list[float] = dataclasses.field(default_factory=lambda: [0.60, 0.0])
+    """Middle of the poured region in the world's x and y."""
+    half_x: float = 0.12
+    """Half the region's extent along x: as far as the arm reaches well."""
+    area_per_object: float = 0.013
+    """Square metres of the region for each object; sets its extent along y. Less means denser clutter."""
+    half_y_min: float = 0.12
+    """Least half-extent along y, for few objects."""
+    half_y_max: float = 0.30
+    """Largest half-extent along y: more objects pile up."""
+    drop_height: float = 0.30
+    """Height of an object's lowest possible point over the table when it is let go, unless something is in the way."""
+    interval: float = 0.15
+    """Time between two releases."""
+    settled_speed: float = 0.01
+    """Speed below which an object is still, m/s."""
+    settled_rate: float = 0.15
+    """Turning rate below which an object is still, rad/s."""
+    settled_time: float = 0.3
+    """How long all objects must be still."""
+    timeout: float = 6.0
+    """Simulated time after which a pour that does not settle is given up."""
+    reach_x: list[float] = dataclasses.field(default_factory=lambda: [0.45, 0.76])
+    """World x between which every object's origin must come to rest."""
+    penetration_max: float = 0.002
+    """Largest overlap of two bodies at rest."""
+    attempts: int = 20
+    """Pours tried, each with a seed of its own, before giving up."""
+
+
+class _Rejected(Exception):
+    """A pour whose result cannot be used; says why."""
+
+
+def pour(
+    *,
+    objects: Sequence[ObjectModel],
+    directives: Sequence[ModelDirective],
+    plant_config: MultibodyPlantConfig,
+    config: PouringConfig,
+    seed: int,
+) -> dict[str, Array]:
+    """Settled poses X_WO (4, 4) by label, a function of the arguments alone.
+
+    Raises InputError for an object without a simulation model or a support that the directives do not hold, and
+    RuntimeError when no attempt comes to a usable rest.
+    """
+    labels = [model.label for model in objects]
+    if len(set(labels)) < len(labels):
+        raise InputError(f"objects to pour are {', '.join(labels)}: expected every label once")
+    for model in objects:
+        if model.sdf is None:
+            raise InputError(f"object '{model.label}' has no sdf in the catalogue: expected one for simulation")
+    reasons = []
+    for attempt in range(config.attempts):
+        try:
+            return _Pour(objects, directives, plant_config, config).run(np.random.default_rng([seed, attempt]))
+        except _Rejected as reason:
+            reasons.append(str(reason))
+    raise RuntimeError(f"pouring {', '.join(labels)} with seed {seed} failed {len(reasons)} times: {reasons[-1]}")
+
+
+class _Pour:
+    """One attempt's plant and walls."""
+
+    def __init__(
+        self,
+        objects: Sequence[ObjectModel],
+        directives: Sequence[ModelDirective],
+        plant_config: MultibodyPlantConfig,
+        config: PouringConfig,
+    ) -> None:
+        self._config = config
+        self._objects = objects
+        builder = DiagramBuilder()
+        self._plant: MultibodyPlant
+        self._scene_graph: SceneGraph
+        self._plant, self._scene_graph = AddMultibodyPlant(plant_config, builder)
+        parser = Parser(self._plant)
+        parser.package_map().AddPackageXml(str(PACKAGE_XML))
+        ProcessModelDirectives(ModelDirectives(directives=_only(directives, config.support)), parser)
+        self._instances = [parser.AddModels(str(model.sdf))[0] for model in objects]
+        self._top = _top(self._plant, self._scene_graph, config.support)
+        half_y = len(objects) * config.area_per_object / (4 * config.half_x)
+        self._half = np.array([config.half_x, np.clip(half_y, config.half_y_min, config.half_y_max)])
+        self._walls = self._add_walls()
+        self._plant.Finalize()
+        self._diagram: Diagram = builder.Build()
+
+    def _add_walls(self) -> list[object]:
+        """Four walls about the region."""
+        height, thickness = 3.0, 0.2
+        walls = []
+        for axis in (0, 1):
+            for sign in (-1.0, 1.0):
+                p = np.array([*self._config.center, self._top + height / 2])
+                p[axis] += sign * (self._half[axis] + thickness / 2)
+                size = np.array([2.0, 2.0, height])
+                size[axis] = thickness
+                walls.append(
+                    self._plant.RegisterCollisionGeometry(
+                        self._plant.world_body(), RigidTransform(p), Box(*size), f"wall_{axis}{sign:+.0f}",
+                        CoulombFriction(0.2, 0.2),
+                    )
+                )  # fmt: skip
+        return walls
+
+    def run(self, rng: np.random.Generator) -> dict[str, Array]:
+        """Pours, settles, takes the walls away, settles again, checks."""
+        simulator = Simulator(self._diagram)
+        context = simulator.get_mutable_context()
+        plant_context = self._plant.GetMyMutableContextFromRoot(context)
+        for i, instance in enumerate(self._instances):
+            # Parked in free fall far away and apart, touching nothing.
+            self._place(plant_context, instance, np.array([1.0, 0, 0, 0]), np.array([20.0 + 2 * i, 20.0, 50.0]))
+        simulator.Initialize()
+        for i in rng.permutation(len(self._objects)).tolist():
+            self._release(plant_context, i, rng)
+            simulator.AdvanceTo(context.get_time() + self._config.interval)
+        self._settle(simulator, plant_context, "between the walls")
+        scene_context = self._scene_graph.GetMyMutableContextFromRoot(context)
+        for wall in self._walls:
+            self._scene_graph.RemoveRole(scene_context, self._plant.get_source_id(), wall, Role.kProximity)
+        self._settle(simulator, plant_context, "after the walls went")
+        self._check(context, plant_context)
+        return {
+            model.label: readonly(self._pose(plant_context, instance).GetAsMatrix4())
+            for model, instance in zip(self._objects, self._instances, strict=True)
+        }
+
+    def _place(self, context: Context, instance: object, quaternion: Array, p_WO: Array) -> None:
+        self._plant.SetPositions(context, instance, np.concatenate([quaternion, p_WO]))
+        self._plant.SetVelocities(context, instance, np.zeros(6))
+
+    def _pose(self, context: Context, instance: object) -> RigidTransform:
+        return self._plant.EvalBodyPoseInWorld(context, self._plant.get_body(self._plant.GetBodyIndices(instance)[0]))
+
+    def _release(self, context: Context, index: int, rng: np.random.Generator) -> None:
+        """Lets an object go over a random place, turned at random, above all that fell before it."""
+        config = self._config
+        radii = [np.linalg.norm(model.dimensions) / 2 for model in self._objects]
+        quaternion = rng.normal(size=4)
+        margin = np.minimum(0.7 * self._half, min(self._objects[index].dimensions) / 2 + 0.02)
+        x, y = np.array(config.center) + rng.uniform(-1, 1, 2) * (self._half - margin)
+        p_WO = np.array([x, y, self._top + config.drop_height + radii[index]])
+        # A sphere about the object stays clear of the spheres about those still in the air below.
+        others = [
+            (self._pose(context, instance).translation(), radius)
+            for k, (instance, radius) in enumerate(zip(self._instances, radii, strict=True))
+            if k != index
+        ]
+        while any(np.linalg.norm(p_WO - p) < radii[index] + radius for p, radius in others):
+            p_WO[2] += 0.02
+        self._place(context, self._instances[index], quaternion / np.linalg.norm(quaternion), p_WO)
+
+    def _settle(self, simulator: Simulator, context: Context, stage: str) -> None:
+        """Simulates until all objects have been still for long enough."""
+        config, step = self._config, 0.05
+        start, still = simulator.get_context().get_time(), 0.0
+        while still < config.settled_time - 1e-9:
+            now = simulator.get_context().get_time()
+            if now - start > config.timeout:
+                raise _Rejected(f"it did not settle in {config.timeout:g} s {stage}")
+            simulator.AdvanceTo(now + step)
+            moving = False
+            for model, instance in zip(self._objects, self._instances, strict=True):
+                velocity = self._plant.GetVelocities(context, instance)  # angular, then linear
+                moving |= bool(np.linalg.norm(velocity[:3]) > config.settled_rate)
+                moving |= bool(np.linalg.norm(velocity[3:]) > config.settled_speed)
+                if self._pose(context, instance).translation()[2] < self._top:
+                    raise _Rejected(f"{model.label} fell off the {config.support}")
+            still = 0.0 if moving else still + step
+
+    def _check(self, root: Context, context: Context) -> None:
+        """Nothing out of reach, nothing inside anything else."""
+        config = self._config
+        for model, instance in zip(self._objects, self._instances, strict=True):
+            x = self._pose(context, instance).translation()[0]
+            if not config.reach_x[0] <= x <= config.reach_x[1]:
+                raise _Rejected(f"{model.label} came to rest out of reach, at x = {x:.2f} m")
+        query = self._scene_graph.get_query_output_port().Eval(self._scene_graph.GetMyContextFromRoot(root))
+        for pair in query.ComputePointPairPenetration():
+            if pair.depth > config.penetration_max:
+                inspector = query.inspector()
+                names = " and ".join(inspector.GetName(inspector.GetFrameId(g)) for g in (pair.id_A, pair.id_B))
+                raise _Rejected(f"{names} overlap by {pair.depth * 1e3:.1f} mm")
+
+
+def _only(directives: Sequence[ModelDirective], model: str) -> list[ModelDirective]:
+    """The directives that add one model and fix it in place."""
+    kept = [
+        directive
+        for directive in directives
+        if (directive.add_model is not None and directive.add_model.name == model)
+        or (directive.add_weld is not None and directive.add_weld.child.startswith(f"{model}::"))
+    ]
+    if not any(directive.add_model is not None for directive in kept):
+        raise InputError(f"the scene's directives add no model '{model}': expected the one to pour onto")
+    return kept
+
+
+def _top(plant: MultibodyPlant, scene_graph: SceneGraph, model: str) -> float:
+    """World z of the highest face of a welded model's collision boxes."""
+    inspector = scene_graph.model_inspector()
+    heights = []
+    instance = plant.GetModelInstanceByName(model)
+    for index in plant.GetBodyIndices(instance):
+        body = plant.get_body(index)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            shape = inspector.GetShape(geometry)
+            if isinstance(shape, Box):
+                heights.append(inspector.GetPoseInFrame(geometry).translation()[2] + shape.height() / 2)
+    if not heights:
+        raise InputError(
+            f"model '{model}' has no collision box: expected one whose upper face is the surface to pour on"
+        )
+    return float(max(heights))
