@@ -56,7 +56,7 @@ class DepthNoiseConfig:
     baseline: float = 0.075
     """Metres from the camera to the projector on its right."""
     disparity_step: float = 0.125
-    """Pixels: disparities are multiples of it, so that depth comes in steps of about step z^2 / (f baseline); 0: none."""
+    """Pixels: disparities are multiples of it, so depth has steps of step z^2 / (f baseline); 0: none."""
     lateral: float = 0.35
     """Pixels: standard deviation of the place at which a pixel really measures."""
     shadows: bool = True

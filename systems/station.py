@@ -15,14 +15,15 @@ from pydrake.geometry import (
     Role,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import ModelDirective, ModelDirectives, Parser, ProcessModelDirectives
+from pydrake.multibody.parsing import ModelDirective, ModelDirectives, ProcessModelDirectives
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import RgbdSensor
 
 from sum_drake import robot
-from sum_drake.assets import MODELS, InputError, asset
+from sum_drake.assets import InputError, asset
+from sum_drake.parsing import make_parser, one_line
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, camera_from_info, make_camera_info
 from sum_drake.systems.camera_pose import CameraPose
 from sum_drake.systems.depth_noise import DepthNoise
@@ -176,22 +177,12 @@ def _look() -> RenderEngineVtkParams:
     )
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def _parser(plant: MultibodyPlant) -> Parser:
-    parser = Parser(plant)
-    parser.package_map().Add("sum_drake", str(MODELS))
-    return parser
-
-
 def _add_scene(plant: MultibodyPlant, directives: Sequence[ModelDirective]) -> ModelInstanceIndex:
     """Adds the scene; returns the robot's model instance."""
     try:
-        ProcessModelDirectives(ModelDirectives(directives=list(directives)), _parser(plant))
+        ProcessModelDirectives(ModelDirectives(directives=list(directives)), make_parser(plant))
     except (RuntimeError, ValueError) as error:
-        raise InputError(f"directives: {_one_line(error)}; expected models that Drake can read") from error
+        raise InputError(f"directives: {one_line(error)}; expected models that Drake can read") from error
     if not plant.HasModelInstanceNamed("fetch"):
         raise InputError('directives: no model instance "fetch", expected the robot under that name')
     fetch = plant.GetModelInstanceByName("fetch")
@@ -203,7 +194,7 @@ def _add_object(plant: MultibodyPlant, label: str, path: str, X_WO: Array) -> No
     """Adds one free body under the name `label`, at X_WO."""
     if plant.HasModelInstanceNamed(label):
         raise InputError(f'object "{label}": the scene has a model of that name, expected another label')
-    parser = _parser(plant)
+    parser = make_parser(plant)
     parser.SetAutoRenaming(True)
     try:
         instances = parser.AddModels(str(asset(path)))
@@ -216,7 +207,7 @@ def _add_object(plant: MultibodyPlant, label: str, path: str, X_WO: Array) -> No
         plant.RenameModelInstance(instances[0], label)
         plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(np.asarray(X_WO, dtype=float)))
     except (RuntimeError, ValueError) as error:
-        message = f'object "{label}": {path}: {_one_line(error)}; expected an SDF file of one model with one free link'
+        message = f'object "{label}": {path}: {one_line(error)}; expected an SDF file of one model with one free link'
         raise InputError(message) from error
 
 
@@ -230,11 +221,12 @@ def _add_drives(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> None:
             damping = FINGER_DAMPING if joint.name in fingers else 2 * np.sqrt(kp)
             actuator.set_controller_gains(PdControllerGains(p=kp, d=damping))
     except RuntimeError as error:
-        raise InputError(f'directives: model "fetch": {_one_line(error)}; expected the joints of robot.JOINTS') from error
-    home = dict(zip((joint.name for joint in robot.JOINTS), robot.desired_state(robot.VIEW, robot.HAND.gap_max)))
-    for name, position in home.items():
-        joint = plant.GetJointByName(name, fetch)
-        joint.set_default_positions([position])
+        raise InputError(
+            f'directives: model "fetch": {one_line(error)}; expected the joints of robot.JOINTS'
+        ) from error
+    home = robot.desired_state(robot.VIEW, robot.HAND.gap_max)[: len(robot.JOINTS)]
+    for joint, position in zip(robot.JOINTS, home, strict=True):
+        plant.GetJointByName(joint.name, fetch).set_default_positions([position])
 
 
 def _base_pose(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> RigidTransform:

@@ -1,4 +1,4 @@
-"""Writes `fetch.urdf` and its visual meshes from the joint table of `sum_drake.robot`: `python models/robots/build_fetch.py`.
+"""Writes `fetch.urdf` and its visual meshes from the joint table of `sum_drake.robot`; run it after a change there.
 
 The robot is drawn as filleted boxes and cylinders, one table a link; what collides is the same primitives without the
 fillets, so that no collision shape is smaller than what is seen. Masses and inertias are those that Fetch Robotics

@@ -1,4 +1,4 @@
-"""Writes the fixtures of `sorting.dmd.yaml`: floor, table and bins as SDF, the table's grain: `python .../build_scene.py`.
+"""Writes the fixtures of `sorting.dmd.yaml`: floor, table and bins as SDF, and the table's grain.
 
 Heights are in metres above the floor. Everything is one rigid piece, thick enough that nothing is pushed through it.
 """
@@ -13,7 +13,7 @@ HERE = Path(__file__).resolve().parent
 Vector = tuple[float, float, float]
 
 TABLE_SIZE = (0.60, 0.90, 0.70)
-"""A solid counter; its top is the plane z = .70 of the model's frame, whose origin lies on the floor under its centre."""
+"""A solid counter, its top at .70; the model's origin lies on the floor under its centre."""
 TOP_THICKNESS = 0.045
 BIN_INSIDE = (0.40, 0.40, 0.36)
 """Room in a bin, some 57 litres: eight detergent jugs thrown in at random."""
@@ -104,20 +104,18 @@ def table_parts() -> str:
 def textured_box(size: Vector, metres: float) -> str:
     """An OBJ whose texture repeats every `metres`."""
     lines = [f"# Written by {Path(__file__).name}.", "mtllib table_top.mtl", "usemtl wood"]
-    faces = []
+    faces: list[str] = []
     half = np.array(size) / 2
     for axis in range(3):
         for side in (-1, 1):
-            # u, v, normal right-handed, u along the longer grain.
+            # Corners run counterclockwise seen from outside.
             u, v = ((axis + 1) % 3, (axis + 2) % 3) if side > 0 else ((axis + 2) % 3, (axis + 1) % 3)
             first = 4 * len(faces) + 1
             for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
                 p = np.zeros(3)
                 p[axis], p[u], p[v] = side * half[axis], a * half[u], b * half[v]
-                # The grain runs along the world's y on every face that has one.
-                grain, across = (p[1], p[(axis + 2) % 3 if axis == 2 else 2]) if axis != 1 else (p[0], p[2])
-                if axis == 2:
-                    across = p[0]
+                # Planks run along y.
+                grain, across = ((p[1], p[2]), (p[0], p[2]), (p[1], p[0]))[axis]
                 lines.append(f"v {p[0]:.4f} {p[1]:.4f} {p[2]:.4f}")
                 lines.append(f"vt {grain / metres + 0.5:.4f} {across / metres + 0.5:.4f}")
             normal = np.eye(3)[axis] * side
