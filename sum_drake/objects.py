@@ -2,18 +2,22 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sum_drake.assets import MODELS, InputError
-from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group
+from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group, transform
+from sum_drake.robot import HAND
 from sum_drake.types import Array, Immutable
 
 if TYPE_CHECKING:
     import trimesh
+
+Image = NDArray[np.uint8]
 
 CATALOGUE = MODELS / "objects" / "catalogue.yaml"
 LARGEST = 2.0
@@ -117,30 +121,27 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
 _KEYS = {"mesh", "category", "symmetry", "mass", "sdf", "collision", "source"}
 
 
-class _UniqueKeys:
-    """Loads YAML like `yaml.safe_load`, but raises InputError on a repeated key."""
+def _load_yaml(path: Path) -> Any:
+    """Like `yaml.safe_load`, but a repeated key is an error rather than the last one winning."""
+    import yaml
 
-    @staticmethod
-    def load(path: Path) -> Any:
-        import yaml
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        pass
 
-        class Loader(yaml.SafeLoader):
-            pass
+    def mapping(loader: Any, node: Any) -> dict[Any, Any]:
+        keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise InputError(f"{path}: '{key}' is given twice: expected every label and key once")
+        return {
+            key: loader.construct_object(value, deep=True) for key, (_, value) in zip(keys, node.value, strict=True)
+        }
 
-        def mapping(loader: Any, node: Any) -> dict[Any, Any]:
-            keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
-            for key in keys:
-                if keys.count(key) > 1:
-                    raise InputError(f"{path}: '{key}' is given twice: expected every label and key once")
-            return {
-                key: loader.construct_object(value, deep=True) for key, (_, value) in zip(keys, node.value, strict=True)
-            }
-
-        Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
-        try:
-            return yaml.load(path.read_text(), Loader)
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
+    try:
+        return yaml.load(path.read_text(), Loader)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
 
 
 def load_catalogue(path: Path | None = None) -> Catalogue:
@@ -154,7 +155,7 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
         raise InputError(
             f"catalogue {path} is missing: expected a YAML file with objects: {{label: {{mesh, category}}}}"
         )
-    data = _UniqueKeys.load(path)
+    data = _load_yaml(path)
     objects = data.get("objects") if isinstance(data, dict) else None
     if not isinstance(objects, dict) or not objects:
         raise InputError(f"{path}: expected objects: {{label: {{mesh, category, ...}}}}, at least one")
@@ -223,10 +224,117 @@ def sample_surface(model: ObjectModel, n: int, rng: np.random.Generator) -> tupl
     return (1 - root) * a + root * (1 - v) * b + root * v * c, np.array(mesh.face_normals[face])
 
 
-def draw_labels(catalogue: Catalogue, count: int, rng: np.random.Generator) -> tuple[str, ...]:
-    """`count` different labels in random order. Raises InputError for a count the catalogue cannot give."""
-    if not 1 <= count <= len(catalogue):
-        raise InputError(
-            f"--objects {count}: expected a count from 1 to {len(catalogue)}, as many as {catalogue.path} holds"
+def describe(catalogue: Catalogue) -> str:
+    """A table of the catalogue, one line an object."""
+    lines = [f"{'label':14s} {'category':14s} {'size, mm':>15s} {'mass, kg':>8s}  {'symmetry':12s} source"]
+    for model in catalogue.models:
+        size = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
+        mass = "-" if model.mass is None else f"{model.mass:.2f}"
+        line = (
+            f"{model.label:14s} {model.category:14s} {size:>15s} {mass:>8s}  {model.symmetry.name:12s} {model.source}"
         )
-    return tuple(catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count])
+        lines.append(line.rstrip())
+    return "\n".join(lines)
+
+
+def check(catalogue: Catalogue) -> list[str]:
+    """One line an object: faces, whether the mesh is closed, its extents, and what may cause trouble."""
+    lines = []
+    for model in catalogue.models:
+        mesh = model.load_mesh()
+        warnings = []
+        if not mesh.is_watertight:
+            warnings.append("not closed: inside and outside are guessed from the normals")
+        elif mesh.volume < 0:
+            warnings.append("inside out: the normals point inward")
+        if len(mesh.faces) > 20_000:
+            warnings.append("many faces: rendering particles will be slow")
+        if mesh.extents.max() < 0.02:
+            warnings.append("smaller than 2 cm: is it in metres?")
+        if np.linalg.norm(mesh.bounds.mean(0)) > 0.5 * mesh.extents.max():
+            warnings.append("origin far outside the object: rotations will be badly conditioned")
+        if mesh.extents.min() > HAND.gap_max and not model.collision:
+            warnings.append(f"no side is narrower than the hand's {1e3 * HAND.gap_max:.0f} mm")
+        if model.mesh.suffix == ".obj" and "\nvn " not in model.mesh.read_text(errors="replace"):
+            warnings.append("no vertex normals: it will look faceted")
+        if model.sdf is None:
+            warnings.append("no sdf: it can be perceived but not poured")
+        size = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
+        closed = "closed" if mesh.is_watertight else "open"
+        verdict = "; ".join(warnings) or "good"
+        lines.append(f"{model.label}: {len(mesh.faces)} faces, {closed}, {size} mm: {verdict}")
+    return lines
+
+
+# --- contact sheet ---------------------------------------------------------------------------------------------------
+
+_VIEWS = ((25.0, 22.0), (200.0, 35.0))
+"""Azimuth from the front and elevation of the sheet's views, degrees."""
+
+
+def render_model(model: ObjectModel, *, azimuth: float = 25.0, elevation: float = 22.0, size: int = 300) -> Image:
+    """The object in its catalogue pose seen from `azimuth` and `elevation` (degrees), (size, size, 3) RGB."""
+    from pydrake.geometry import (
+        ClippingRange,
+        ColorRenderCamera,
+        GeometryInstance,
+        LightParameter,
+        MakeRenderEngineVtk,
+        Mesh,
+        PerceptionProperties,
+        RenderCameraCore,
+        RenderEngineVtkParams,
+        RenderLabel,
+        SceneGraph,
+    )
+    from pydrake.math import RigidTransform
+    from pydrake.systems.sensors import CameraInfo
+
+    lights = [
+        LightParameter(type="directional", frame="world", direction=direction, intensity=intensity)
+        for direction, intensity in (([-0.5, 0.4, -1], 0.8), ([-0.8, -0.6, -0.2], 0.6), ([0.9, 0.2, -0.4], 0.7))
+    ]
+    scene_graph = SceneGraph()
+    parameters = RenderEngineVtkParams(default_clear_color=[0.96, 0.96, 0.97], lights=lights)
+    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(parameters))
+    geometry = GeometryInstance(RigidTransform(), Mesh(str(model.mesh)), model.label)
+    properties = PerceptionProperties()
+    properties.AddProperty("label", "id", RenderLabel(1))
+    geometry.set_perception_properties(properties)
+    scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("sheet"), geometry)
+    query = scene_graph.get_query_output_port().Eval(scene_graph.CreateDefaultContext())
+
+    # Seen from where a 30 degree lens just holds the object's sphere.
+    fov = np.radians(30.0)
+    center = model.load_mesh().bounds.mean(0)
+    a, e = np.radians([azimuth, elevation])
+    backward = np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    R_WC = np.stack([right, np.cross(-backward, right), -backward], 1)
+    p_WC = center + backward * np.linalg.norm(model.dimensions) / 2 / np.sin(fov / 2)
+    core = RenderCameraCore("vtk", CameraInfo(size, size, fov), ClippingRange(0.01, 20.0), RigidTransform())
+    image = query.RenderColorImage(
+        ColorRenderCamera(core, False), scene_graph.world_frame_id(), RigidTransform(transform(R_WC, p_WC))
+    )
+    return np.array(image.data[..., :3])
+
+
+def render_contact_sheet(catalogue: Catalogue, labels: Sequence[str] | None = None) -> Image:
+    """Two views of each object with label, size, mass and category, five objects a row, (h, w, 3) RGB."""
+    import cv2
+
+    size, caption, columns = 220, 62, 5
+    cells = []
+    for model in [catalogue[label] for label in labels or catalogue.labels]:
+        views = [render_model(model, azimuth=a, elevation=e, size=size) for a, e in _VIEWS]
+        cell = np.concatenate([np.concatenate(views, 1), np.full((caption, 2 * size, 3), 255, np.uint8)])
+        extents = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
+        mass = "" if model.mass is None else f", {model.mass:g} kg"
+        lines = (model.label, 0.62, (20, 20, 20)), (f"{extents} mm{mass}, {model.category}", 0.45, (90, 90, 90))
+        for k, (text, scale, colour) in enumerate(lines):
+            at = (10, size + 22 + 25 * k)
+            cv2.putText(cell, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
+        cells.append(cv2.copyMakeBorder(cell, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=(225, 225, 225)))
+    cells += [np.full_like(cells[0], 255)] * (-len(cells) % min(columns, len(cells)))
+    width = min(columns, len(cells))
+    return np.concatenate([np.concatenate(cells[i : i + width], 1) for i in range(0, len(cells), width)])

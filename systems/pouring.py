@@ -21,7 +21,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from sum_drake.assets import PACKAGE_XML, InputError
-from sum_drake.objects import ObjectModel
+from sum_drake.objects import Catalogue, ObjectModel
 from sum_drake.types import Array, readonly
 
 
@@ -63,6 +63,13 @@ class PouringConfig:
 
 class _Rejected(Exception):
     """A pour whose result cannot be used; says why."""
+
+
+def draw_labels(catalogue: Catalogue, count: int, rng: np.random.Generator) -> tuple[str, ...]:
+    """`count` different labels in random order. Raises InputError for a count that the catalogue cannot give."""
+    if not 1 <= count <= len(catalogue):
+        raise InputError(f"{count} objects from {catalogue.path}: expected a count from 1 to {len(catalogue)}")
+    return tuple(catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count])
 
 
 def pour(

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import paint
-import products
-import shapes
 import trimesh
 import yaml
+
+from sum_drake.models.objects import paint, products, shapes
 
 HERE = Path(__file__).resolve().parent
 FRICTION = 0.6

@@ -4,8 +4,9 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from paint import BLACK, WHITE, Colour, Panel, Rectangle, around, box_wrap
-from shapes import (
+
+from sum_drake.models.objects.paint import BLACK, WHITE, Colour, Panel, Rectangle, around, box_wrap
+from sum_drake.models.objects.shapes import (
     Part,
     Piece,
     Section,
@@ -256,11 +257,12 @@ def shampoo() -> Product:
         (0.206, 0.0170, 0.0198, 2.0, 0, 0), (0.210, 0.0140, 0.0168, 2.0, 0, 0),
     ]  # fmt: skip
     cap = stack(cap_rows, "cap", 36)
-    purple, lilac, silver = (110, 62, 150), (196, 168, 222), (222, 222, 230)
+    purple, silver = (110, 62, 150), (222, 222, 230)
     width = perimeter(body) / 2
     front = Panel(width, 0.182, purple)
     for k in range(5):
-        front.wave(0.030 + 0.006 * k, 0.006, 0.06, 0.0024, tuple(int(c * (0.5 + 0.1 * k)) for c in lilac))
+        shade = (98 + 20 * k, 84 + 17 * k, 111 + 22 * k)
+        front.wave(0.030 + 0.006 * k, 0.006, 0.06, 0.0024, shade)
     x = width / 2
     front.ellipse(x, 0.105, 0.027, 0.040, silver)
     front.ellipse(x, 0.105, 0.0255, 0.0385, (132, 84, 172))

@@ -225,7 +225,7 @@ def box(size: Sequence[float], centre: Sequence[float]) -> Piece:
     return Piece("box", corners + np.asarray(centre), tuple(size), np.array(centre, dtype=float))
 
 
-def _round(kind: str, start: Sequence[float], end: Sequence[float], radius: float) -> Piece:
+def _round(kind: str, start: npt.ArrayLike, end: npt.ArrayLike, radius: float) -> Piece:
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
     length = float(np.linalg.norm(b - a))
     R = _upright((b - a) / length)
@@ -238,12 +238,12 @@ def _round(kind: str, start: Sequence[float], end: Sequence[float], radius: floa
     return Piece(kind, points @ R.T + (a + b) / 2, (radius, length), (a + b) / 2, R)
 
 
-def cylinder(start: Sequence[float], end: Sequence[float], radius: float) -> Piece:
+def cylinder(start: npt.ArrayLike, end: npt.ArrayLike, radius: float) -> Piece:
     """A cylinder between the centres of its ends."""
     return _round("cylinder", start, end, radius)
 
 
-def capsule(start: Sequence[float], end: Sequence[float], radius: float) -> Piece:
+def capsule(start: npt.ArrayLike, end: npt.ArrayLike, radius: float) -> Piece:
     """A capsule between the centres of its round ends."""
     return _round("capsule", start, end, radius)
 
