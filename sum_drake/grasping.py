@@ -27,6 +27,9 @@ from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
+DEFAULT_MASS = 0.4
+"""Kilograms, of objects whose catalogue does not say."""
+
 
 @dataclasses.dataclass
 class GraspConfig:
@@ -38,9 +41,10 @@ class GraspConfig:
     """Mean distance of the points that stand for the object's surface when the hand is tested against it."""
     directions: int = 8
     """Approach directions about the closing axis at each sample; a multiple of 4 includes the principal axes."""
-    depths: int = 3
-    """Depths of the hand along each approach direction, from the deepest that the object leaves room for."""
-    candidates: int = 1000
+    depths: int = 4
+    """Depths of the hand along each approach direction, from the deepest that the object leaves room for to the
+    shallowest that still touches it: the table may forbid the deeper ones."""
+    candidates: int = 2000
     """At most this many grasps of an object, spread over it."""
     friction: float = 0.5
     """Coefficient assumed at the pads, below the real one (.7) so that contacts are not on the edge of slipping."""
@@ -48,8 +52,10 @@ class GraspConfig:
     """Surface within this depth of the outermost point counts as touched by a pad."""
     contact_area: float = 4e-4
     """Touched area of a pad, m^2, from which on more does not make a better contact."""
-    clearance: float = 0.008
+    clearance: float = 0.006
     """Free space between an open finger and the object, on each side."""
+    min_clearance: float = 0.004
+    """The same where the hand cannot open further."""
     palm_clearance: float = 0.003
     """Free space between the palm and the object."""
     table_clearance: float = 0.005
@@ -62,6 +68,8 @@ class GraspConfig:
     """Largest angle between the approach direction and straight down, radians."""
     particles: int = 12
     """Poses drawn from the belief on which a grasp is tried out."""
+    tried: int = 200
+    """At most this many of the best grasps are tried out, and returned."""
     min_survival: float = 0.2
     """Share of those poses for which a grasp must hold."""
     weight_contact: float = 1.0
@@ -70,8 +78,8 @@ class GraspConfig:
     """Weight of approaching from above."""
     weight_room: float = 0.3
     """Weight of room to the neighbours."""
-    weight_balance: float = 0.6
-    """Weight of holding the object near its centre of mass."""
+    torque: float = 0.3
+    """Moment of the object's weight, N m, at which a grasp counts half as much."""
 
 
 CAUSES = (
@@ -154,7 +162,7 @@ def rank_grasps(
         belief: the particles over which a grasp should hold.
         points_W: (m, 3) on surfaces that the hand must not touch: neighbours and unexplained depth.
         table_height: of the table's top, metres.
-        centre_of_mass: (3,) in O; the centre of the mesh's box if None.
+        centre_of_mass: (3,) in O; the mean of the mesh's surface if None.
     """
     X_OGs = np.array([grasp.X_OG for grasp in candidates]).reshape(-1, 4, 4)
     widths = np.array([grasp.width for grasp in candidates])
@@ -177,25 +185,25 @@ def rank_grasps(
         reject(which, clearances[:, part] < config.neighbour_clearance)
 
     cloud = surface(model, config.spacing)
-    survival = np.zeros(len(X_WGs))
-    left = cause < 0
-    survival[left] = _survival(cloud, X_WGs[left], gaps[left], belief, config)
-    reject("belief_too_wide", survival < config.min_survival)
-
-    centre = cloud.p_OQs.min(0) / 2 + cloud.p_OQs.max(0) / 2 if centre_of_mass is None else np.asarray(centre_of_mass)
+    centre = cloud.p_OQs.mean(0) if centre_of_mass is None else np.asarray(centre_of_mass)
     arm_W = apply(X_WO, centre[None])[0] - X_WGs[:, :3, 3]
-    # Gravity's moment arm about the closing axis twists the object between the pads, which only friction resists;
-    # the arm across it is taken by the pads' normal forces.
+    # The weight's moment about the closing axis twists the object between the pads, which only friction resists; the
+    # pads' normal forces take the moment across it.
     twist = np.abs(arm_W[:, 1] * X_WGs[:, 0, 1] - arm_W[:, 0] * X_WGs[:, 1, 1])
-    balance = 1.0 - np.minimum((twist + np.linalg.norm(arm_W[:, :2], axis=1)) / 0.2, 1.0)
+    across = np.linalg.norm(arm_W[:, :2], axis=1)
+    moment = 9.81 * (DEFAULT_MASS if model.mass is None else model.mass) * (0.7 * twist + 0.3 * across)
+    balance = 1.0 / (1.0 + (moment / config.torque) ** 2)
     room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
-    scores = survival * (
-        config.weight_contact * qualities
-        + config.weight_above * above
-        + config.weight_room * room
-        + config.weight_balance * balance
-    )
-    order = np.argsort(-np.where(cause < 0, scores, -np.inf), kind="stable")[: np.count_nonzero(cause < 0)]
+    merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
+    scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)
+
+    best = np.argsort(-scores, kind="stable")[: min(config.tried, np.count_nonzero(cause < 0))]
+    survival = np.ones(len(X_WGs))
+    survival[best] = _survival(cloud, X_WGs[best], gaps[best], belief, config)
+    reject("belief_too_wide", survival < config.min_survival)
+    scores *= survival
+    order = best[np.argsort(-scores[best], kind="stable")]
+    order = order[cause[order] < 0]
     return RankedGrasps(
         grasps=tuple(candidates[i] for i in order),
         X_WGs=readonly(X_WGs[order]),
@@ -227,10 +235,11 @@ def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: flo
     centre = X_WGs[:, :3, 3].mean(0)
     radius = np.linalg.norm(X_WGs[:, :3, 3] - centre, axis=1).max() + reach
     points_W = points_W[np.linalg.norm(points_W - centre, axis=1) < radius]
-    for i, (X_GW, gap) in enumerate(zip(inverse(X_WGs), gaps, strict=True)):
-        p_GQ = apply(X_GW, points_W)
-        for part, (lower, upper) in enumerate(_hand_boxes(gap, approach)):
-            clearances[i, part] = np.maximum(lower - p_GQ, p_GQ - upper).max(-1).min(initial=np.inf)
+    lower, upper = _hand_boxes(gaps, approach)
+    for i, X_GW in enumerate(inverse(X_WGs)):
+        p_GQ = apply(X_GW, points_W)[:, None]  # (m, 1, 3)
+        outside = np.maximum(lower[i] - p_GQ, p_GQ - upper[i]).max(-1)  # (m, parts)
+        clearances[i] = outside.min(0, initial=np.inf)
     return clearances
 
 
@@ -241,24 +250,27 @@ def hand_collisions(X_WGs: Array, gaps: Array, points_W: Array, *, margin: float
 
 def lowest_point(X_WGs: Array, gaps: Array) -> Array:
     """Height of the lowest point of hands (n, 4, 4) opened to `gaps` (n,)."""
-    lowest = np.full(len(X_WGs), np.inf)
-    z_G = X_WGs[:, 2, :3]  # world's up in G
-    for part in range(2):
-        lower, upper = np.moveaxis(np.array([_hand_boxes(gap, 0.0)[part] for gap in gaps]).reshape(-1, 2, 3), 1, 0)
-        low = X_WGs[:, 2, 3] + np.minimum(z_G * lower, z_G * upper).sum(1)
-        lowest = np.minimum(lowest, low)
+    lower, upper = _hand_boxes(gaps, 0.0)
+    z_G = X_WGs[:, None, 2, :3]  # the world's up in G
+    lowest: Array = X_WGs[:, 2, 3] + np.minimum(z_G * lower, z_G * upper).sum(-1).min(1)
     return lowest
 
 
-def _hand_boxes(gap: float, approach: float) -> tuple[tuple[Array, Array], ...]:
-    """Lower and upper corners in G of HAND_PARTS."""
-    side = gap / 2 + HAND.pad_thickness
+def _hand_boxes(gaps: Array, approach: float) -> tuple[Array, Array]:
+    """Lower and upper corners in G of HAND_PARTS for each of n openings: (n, 3, 3) each."""
     y, z = HAND.palm_half
-    return (
-        (np.array([HAND.pad_x[0], -side, -HAND.pad_half_width]), np.array([HAND.pad_x[1], side, HAND.pad_half_width])),
-        (np.array([HAND.palm_x[0], -y, -z]), np.array([HAND.palm_x[1], y, z])),
-        (np.array([HAND.palm_x[0] - approach, -y, -z]), np.array([HAND.palm_x[0], y, z])),
+    upper = np.tile(
+        [
+            [HAND.pad_x[1], 0.0, HAND.pad_half_width],
+            [HAND.palm_x[1], y, z],
+            [HAND.palm_x[0], y, z],
+        ],
+        (len(gaps), 1, 1),
     )
+    upper[:, 0, 1] = gaps / 2 + HAND.pad_thickness
+    lower = -upper
+    lower[:, :, 0] = HAND.pad_x[0], HAND.palm_x[0], HAND.palm_x[0] - approach
+    return lower, upper
 
 
 # Candidates
@@ -336,7 +348,7 @@ def _opposite_contacts(
         hits = hits[np.argsort(t[row, hits])]
         inside = 1 + np.cumsum(step[row, hits])
         for hit, depth in zip(hits, inside, strict=True):
-            if opening(t[row, hit], config) < t[row, hit] + 2 * config.clearance:
+            if t[row, hit] > HAND.gap_max - 2 * config.min_clearance:
                 break
             if depth <= 0 and leaving[row, hit] > cone:
                 pairs.append((int(samples[row]), float(t[row, hit])))
@@ -419,14 +431,14 @@ def _grasps_across(
     in_palm = z < HAND.palm_half[1]
     ahead_of_fingers = np.where(in_finger, x, np.inf).min(0) - 1e-3 - HAND.pad_x[1]
     ahead_of_palm = np.where(in_palm, x, np.inf).min(0) - config.palm_clearance - HAND.palm_x[1]
-    margin = 0.008  # the contact lies at least this far from the ends of the pads
+    margin = 0.004  # the contact lies at least this far from the ends of the pads
     shallow, deep = -HAND.pad_x[1] + margin, -HAND.pad_x[0] - margin
     deepest = np.minimum(np.minimum(ahead_of_fingers, ahead_of_palm), deep)
 
     which = np.flatnonzero(deepest > shallow)
     if len(which) == 0:
         return []
-    share = np.arange(config.depths) / config.depths
+    share = np.linspace(0, 1, config.depths)
     depth = (deepest[which, None] - share * (deepest[which, None] - shallow)).ravel()
     which = np.repeat(which, config.depths)
     X_OGs = transform(R_OGs[which], centre + depth[:, None] * approach[which])
@@ -441,7 +453,7 @@ def _grasps_across(
     low, high, quality = _contacts(p_GQs, n_Gs, np.full(len(X_OGs), gap), cloud.area / len(cloud.p_OQs), config)
     # What the pads meet first may lie off the sampled line: centre the hand on it, unless that uses up the clearance.
     shift = 0.5 * (low + high)
-    good = (quality > 0) & (np.abs(shift) < config.clearance / 2) & (high - low < width + config.clearance)
+    good = (quality > 0) & (np.abs(shift) < config.min_clearance / 2) & (high - low < width + config.min_clearance)
     X_OGs[:, :3, 3] += np.where(good, shift, 0.0)[:, None] * normal
     return [(X_OGs[i], float(high[i] - low[i]), float(quality[i])) for i in np.flatnonzero(good)]
 
@@ -491,24 +503,16 @@ def _contacts(
 
 
 def _spread(X_OGs: Array, qualities: Array, count: int) -> list[int]:
-    """Indices of at most `count` grasps that cover all of them: the best of each cell about farthest points."""
+    """Indices of at most `count` grasps that cover all of them, best first: the best of each cell of a grid."""
     closing = X_OGs[:, :3, 1]
     # The half-turn is the same grasp: give the closing axis a sign of its own.
     largest = np.take_along_axis(closing, np.abs(closing).argmax(1)[:, None], 1)
-    features = np.hstack([X_OGs[:, :3, 3] / 0.01, X_OGs[:, :3, 0] / 0.3, closing * np.sign(largest) / 0.3])
-    distance = np.full(len(features), np.inf)
-    cell = np.zeros(len(features), dtype=int)
-    centre = int(np.argmax(qualities))
-    for k in range(min(count, len(features))):
-        to_centre = np.linalg.norm(features - features[centre], axis=1)
-        cell = np.where(to_centre < distance, k, cell)
-        distance = np.minimum(distance, to_centre)
-        centre = int(np.argmax(distance))
-        if distance[centre] < 0.5:
-            break
-    order = np.argsort(-qualities, kind="stable")
-    _, first = np.unique(cell[order], return_index=True)
-    return sorted(order[first].tolist(), key=lambda i: (-qualities[i], i))
+    features = np.hstack([X_OGs[:, :3, 3] / 0.008, X_OGs[:, :3, 0] / 0.25, closing * np.sign(largest) / 0.25])
+    best_first = np.argsort(-qualities, kind="stable")
+    _, first = np.unique(np.round(features[best_first]), axis=0, return_index=True)
+    # The cells come sorted by position, so that every so-manieth of them still covers the object.
+    kept = best_first[first[:: -(-len(first) // count)]]
+    return [int(i) for i in kept[np.argsort(-qualities[kept], kind="stable")]]
 
 
 def _survival(cloud: Surface, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
