@@ -2,27 +2,29 @@
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
 from sum_drake.picking import plan_retreat
 from sum_drake.systems.run_log import RunLog
 
 from sum_drake import belief
+from sum_drake.assets import MODELS
 from sum_drake.filtering import PoseEstimator, filter_config
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene
-from sum_drake.objects import Catalogue
+from sum_drake.objects import Catalogue, draw_labels
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
-from sum_drake.systems.pouring import draw_labels, pour
+from sum_drake.systems.pouring import pour
 from sum_drake.systems.referee import Referee, TruthSample
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
@@ -110,7 +112,7 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
 def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat]:
     """The task's decisions and the way back after a failed pick, on the robot's own model of itself and the table."""
     arm = Arm()
-    scene = PlanningScene(scenario.directives)
+    scene = PlanningScene(flat_directives(scenario.directives))
     seed = derive(scenario.random_seed, "planning")
     task = SortingTask(
         catalogue=catalogue,
@@ -227,13 +229,21 @@ def make_sorting(
     return diagram
 
 
+def flat_directives(directives: Sequence[ModelDirective]) -> list[ModelDirective]:
+    """The same scene without nested files."""
+    packages = PackageMap()
+    packages.Add("sum_drake", str(MODELS))
+    flat: list[ModelDirective] = FlattenModelDirectives(ModelDirectives(directives=list(directives)), packages).directives
+    return flat
+
+
 def pour_scene(scenario: Scenario, catalogue: Catalogue) -> dict[str, Array]:
     """Label -> settled X_WO (4, 4) of the scenario's objects; a function of its seed."""
     seed = derive(scenario.random_seed, "pouring")
     labels = scenario.objects.labels or draw_labels(catalogue, scenario.objects.count, np.random.default_rng(seed))
     return pour(
         objects=[catalogue[label] for label in labels],
-        directives=scenario.directives,
+        directives=flat_directives(scenario.directives),
         plant_config=scenario.plant_config,
         config=scenario.pouring,
         seed=seed,
