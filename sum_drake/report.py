@@ -1,0 +1,473 @@
+"""A run as one HTML page that opens without a network, and the pictures in it."""
+
+import base64
+import colorsys
+import dataclasses
+import html
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sum_drake.assets import InputError
+from sum_drake.evaluation import validate_summary
+from sum_drake.geometry import apply, inverse
+from sum_drake.jsonio import encode
+from sum_drake.runlog import RunRecord, read_what_there_is
+from sum_drake.types import Array, Attempt, Camera, Perception, SceneBelief, Track
+
+if TYPE_CHECKING:
+    from sum_drake.objects import Catalogue
+
+Image = NDArray[np.uint8]
+Color = tuple[int, int, int]
+GREY: Color = (150, 150, 150)
+SUBPIXEL = 4
+"""Fractional bits of the coordinates handed to OpenCV."""
+
+
+# Pictures.
+
+
+def label_color(label: str, catalogue: "Catalogue") -> Color:
+    """RGB of a label, the same in every picture and table; neighbours in the catalogue differ most."""
+    if label not in catalogue:
+        return GREY
+    hue = (0.08 + 0.618034 * catalogue.labels.index(label)) % 1.0
+    r, g, b = colorsys.hls_to_rgb(hue, 0.55, 0.85)
+    return round(255 * r), round(255 * g), round(255 * b)
+
+
+def draw_perception(perception: Perception, catalogue: "Catalogue", *, scale: int = 2) -> Image:
+    """The picture of an observation with what was made of it, (scale h, scale w, 3) RGB.
+
+    Thin boxes are detections. Filled outlines with axes are accepted tracks, thin outlines rejected ones; each carries
+    its label and probability.
+    """
+    frame = perception.frame
+    image = np.asarray(cv2.resize(frame.color, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
+    canvas = _Canvas(image, frame.camera, scale)
+    for detection in perception.detections:
+        label = detection.p_labels[0][0] if detection.p_labels else ""
+        canvas.box(detection.box, label_color(label, catalogue))
+    # The sure ones last: they lie on top.
+    tracks = sorted(perception.posterior.tracks, key=lambda track: (track.accepted, track.probability))
+    X_CW = inverse(frame.X_WC)
+    for track in tracks:
+        color, X_CO = label_color(track.label, catalogue), X_CW @ track.X_WO
+        if track.label in catalogue:
+            mesh = catalogue[track.label].load_mesh()
+            canvas.outline(apply(X_CO, np.asarray(mesh.vertices)), np.asarray(mesh.faces), color, strong=track.accepted)
+        if track.accepted:
+            canvas.axes(X_CO)
+    for track in reversed(tracks):
+        canvas.tag(track, X_CW @ track.X_WO, label_color(track.label, catalogue))
+    return canvas.image
+
+
+def draw_depth(depth: NDArray[np.float32]) -> Image:
+    """Depth (h, w) as colours, near is bright, black where nothing was returned; (h, w, 3) RGB."""
+    valid = depth > 0
+    if not valid.any():
+        return np.zeros((*depth.shape, 3), np.uint8)
+    near, far = np.percentile(depth[valid], [1, 99])
+    level = np.clip(255 * (far - depth) / max(far - near, 1e-6), 0, 255).astype(np.uint8)
+    colors = cv2.cvtColor(cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
+    colors[~valid] = 0
+    return np.asarray(colors, np.uint8)
+
+
+class _Canvas:
+    """An enlarged picture and the camera that took it."""
+
+    def __init__(self, image: Image, camera: Camera, scale: int) -> None:
+        self.image, self._camera, self._scale = image, camera, scale
+        self._tags: list[tuple[int, int, int, int]] = []
+
+    def _pixels(self, p_C: Array) -> Array:
+        """Enlarged pixel coordinates (n, 2) of points (n, 3) in front of the camera."""
+        c = self._camera
+        uv = p_C[:, :2] / p_C[:, 2:] * [c.fx, c.fy] + [c.cx, c.cy]
+        return np.asarray((uv + 0.5) * self._scale - 0.5)
+
+    def box(self, box: tuple[float, float, float, float], color: Color) -> None:
+        x, y, w, h = (round(value * self._scale) for value in box)
+        cv2.rectangle(self.image, (x, y), (x + w - 1, y + h - 1), color, 1, cv2.LINE_AA)
+
+    def outline(self, p_C: Array, faces: NDArray[np.int64], color: Color, *, strong: bool) -> None:
+        """The silhouette of a mesh, filled when strong."""
+        if not (p_C[:, 2] > 0.05).all():
+            return
+        uv = np.clip(self._pixels(p_C), -1e4, 1e4)
+        mask = np.zeros(self.image.shape[:2], np.uint8)
+        for triangle in np.round(uv * 2**SUBPIXEL).astype(np.int32)[faces]:
+            cv2.fillConvexPoly(mask, triangle, 255, cv2.LINE_8, SUBPIXEL)
+        contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        if strong:
+            inside = mask > 0
+            self.image[inside] = (0.75 * self.image[inside] + 0.25 * np.array(color)).astype(np.uint8)
+        cv2.drawContours(self.image, contours, -1, (0, 0, 0), 4 if strong else 3, cv2.LINE_AA)
+        cv2.drawContours(self.image, contours, -1, color, 2 if strong else 1, cv2.LINE_AA)
+
+    def axes(self, X_CO: Array, length: float = 0.05) -> None:
+        """x red, y green, z blue."""
+        ends = apply(X_CO, np.vstack([np.zeros(3), length * np.eye(3)]))
+        if not (ends[:, 2] > 0.05).all():
+            return
+        origin, *tips = (tuple(int(value) for value in point) for point in np.round(self._pixels(ends)))
+        for tip, color in zip(tips, ((230, 40, 40), (40, 200, 40), (60, 90, 255)), strict=True):
+            cv2.arrowedLine(self.image, origin, tip, (255, 255, 255), 4, cv2.LINE_AA, tipLength=0.2)
+            cv2.arrowedLine(self.image, origin, tip, color, 2, cv2.LINE_AA, tipLength=0.2)
+
+    def tag(self, track: Track, X_CO: Array, color: Color) -> None:
+        """Label and probability over the estimate, moved down until it covers no other."""
+        if X_CO[2, 3] <= 0.05:
+            return
+        text = f"{track.label} {track.probability:.2f}" + ("" if track.accepted else " rejected")
+        size = 0.55 if track.accepted else 0.45
+        (width, height), baseline = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+        width, height = width + 8, height + baseline + 4
+        (center,) = self._pixels(X_CO[None, :3, 3])
+        rows, columns = self.image.shape[:2]
+        x = int(np.clip(center[0] - width / 2, 0, max(columns - width, 0)))
+        y = int(np.clip(center[1] + 8, 0, max(rows - height, 0)))
+        while any(x < x1 + w1 and x1 < x + width and y < y1 + h1 and y1 < y + height for x1, y1, w1, h1 in self._tags):
+            y += 2
+        self._tags.append((x, y, width, height))
+        dark = (24, 24, 24)
+        background, ink = (color, dark) if track.accepted else (dark, color)
+        cv2.rectangle(self.image, (x, y), (x + width, y + height), background, cv2.FILLED)
+        at = (x + 4, y + height - baseline - 1)
+        cv2.putText(self.image, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, ink, 1, cv2.LINE_AA)
+
+
+# The page.
+
+
+def write_report(run_folder: Path, catalogue: "Catalogue | None" = None) -> Path:
+    """Writes `report.html` into a run folder, from whatever of summary and log there is; returns its path.
+
+    Args:
+        catalogue: the objects of the run; the package's own by default.
+
+    Raises InputError for a folder without anything to report.
+    """
+    from sum_drake.objects import load_catalogue
+
+    run = _read_run(run_folder)
+    page = _page(run, load_catalogue() if catalogue is None else catalogue)
+    path = run_folder / "report.html"
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(page, encoding="utf-8")
+    temporary.replace(path)
+    return path
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Run:
+    """What a run folder holds."""
+
+    name: str
+    summary: Mapping[str, Any] | None
+    record: RunRecord | None
+    scenario: str | None
+    problems: tuple[str, ...]
+    """What is missing or broken, one line each."""
+
+    @property
+    def perceptions(self) -> tuple[Perception, ...]:
+        return () if self.record is None else self.record.perceptions
+
+    @property
+    def seed(self) -> str:
+        if self.summary is not None:
+            return str(self.summary["seed"])
+        return "?" if self.record is None else self.record.metadata.get("seed", "?")
+
+    def attempts(self) -> list[Mapping[str, Any]]:
+        """Rows as in summary.json; without an outcome where there is no summary."""
+        if self.summary is not None:
+            return list(self.summary["attempts"])
+        return [] if self.record is None else [_row(attempt) for _, attempt in self.record.attempts]
+
+
+def _row(attempt: Attempt) -> Mapping[str, Any]:
+    return {**encode(attempt), "rejected_by": dict(attempt.rejected_by), "outcome": None, "slip_m": None}
+
+
+def _read_run(folder: Path) -> _Run:
+    problems, summary, record, scenario = [], None, None, None
+    try:
+        data = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        validate_summary(data)
+        summary = data
+    except FileNotFoundError:
+        problems.append("There is no summary.json: the run did not finish, so nothing is known of the truth.")
+    except (OSError, ValueError) as error:
+        problems.append(f"summary.json cannot be used: {error}")
+    try:
+        record = read_what_there_is(folder / "run.mcap")
+        if record.problem is not None:
+            problems.append(f"The run log ends early ({record.problem}). What is below was read up to there.")
+    except InputError as error:
+        problems.append(str(error))
+    if summary is None and record is None:
+        raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
+    if (folder / "scenario.yaml").is_file():
+        scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
+    return _Run(folder.resolve().name, summary, record, scenario, tuple(problems))
+
+
+def _page(run: _Run, catalogue: "Catalogue") -> str:
+    attempts = run.attempts()
+    parts = [_header(run), *(f'<p class="problem">{_text(problem)}</p>' for problem in run.problems)]
+    if run.summary is not None:
+        parts.append(_figures(run.summary))
+    if attempts:
+        parts += ["<h2>Attempts</h2>", _attempt_table(attempts, catalogue)]
+    if run.perceptions:
+        parts += ["<h2>Observations</h2>", _LEGEND]
+        scored = {} if run.summary is None else {row["step"]: row for row in run.summary["observations"]}
+        parts += [_observation(one, scored.get(one.step), attempts, catalogue) for one in run.perceptions]
+    if run.summary is not None:
+        parts += ["<h2>Costs</h2>", _timing(run.summary["timing"]), "<h2>Made with</h2>", _made_with(run.summary)]
+    if run.scenario is not None:
+        parts.append(f"<details><summary>Scenario</summary><pre>{_text(run.scenario)}</pre></details>")
+    title = f"Sorting run {run.name}"
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{_text(title)}</title><style>{_STYLE}</style></head>\n<body><main>\n"
+        + "\n".join(parts)
+        + "\n</main></body></html>\n"
+    )
+
+
+def _header(run: _Run) -> str:
+    outcome = "unfinished" if run.summary is None else run.summary["outcome"]
+    kind = {"cleared": "good", "unfinished": "poor"}.get(outcome, "bad")
+    return f"<h1>Sorting run, seed {_text(run.seed)}</h1><p>{_chip(outcome, kind)}</p>"
+
+
+def _figures(summary: Mapping[str, Any]) -> str:
+    blame = summary["missorted_by"]
+    missorted = str(summary["objects_missorted"])
+    if summary["objects_missorted"]:
+        missorted += f" ({blame['perception']} perception, {blame['manipulation']} manipulation)"
+    figures = [
+        ("objects sorted", f"{summary['objects_sorted']} of {summary['objects_total']}"),
+        ("missorted", missorted),
+        ("trials", str(summary["manipulation_trials"])),
+        ("manipulation errors", str(summary["manipulation_errors"])),
+        ("simulated", _seconds(summary["timing"]["sim_time_s"])),
+        ("took", _seconds(summary["timing"]["wall_s"])),
+    ]
+    tiles = "".join(f"<div><b>{_text(value)}</b><span>{_text(name)}</span></div>" for name, value in figures)
+    return f'<div class="figures">{tiles}</div>'
+
+
+_OUTCOME_KINDS = {"sorted": "good", "infeasible": "plain", None: "plain"}
+
+
+def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
+    rows = []
+    for row in attempts:
+        rejected = sorted(row["rejected_by"].items(), key=lambda item: (-item[1], item[0]))
+        causes = ", ".join(f"{cause} {count}" for cause, count in rejected) or "none"
+        taken = row.get("object")
+        mistaken = f" (was {taken})" if taken not in (None, row["label"]) else ""
+        knocked = "".join(f"; knocked off {label}" for label in row.get("knocked_off", ()))
+        rows.append(
+            [
+                str(row["step"]),
+                _swatch(row["label"], catalogue) + _text(row["label"] + mistaken),
+                _text(row["region"]),
+                _chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
+                _text(row["reason"].replace("_", " ") + knocked),
+                f"{row['grasp_candidates']} <small>dropped: {_text(causes)}</small>",
+                _millimetres(row["slip_m"]),
+            ]
+        )
+    return _table(["after look", "object", "to", "outcome", "reason", "grasp candidates", "slip"], rows)
+
+
+_LEGEND = (
+    '<p class="legend">Thin boxes are detections. Filled outlines with axes are tracks that were accepted, thin '
+    "outlines tracks that were rejected, each with the probability that it is right. Errors are against the truth, "
+    "which the robot does not know.</p>"
+)
+
+
+def _observation(
+    perception: Perception,
+    score: Mapping[str, Any] | None,
+    attempts: Sequence[Mapping[str, Any]],
+    catalogue: "Catalogue",
+) -> str:
+    picture = _picture(draw_perception(perception, catalogue), "Picture with detections and tracks")
+    depth = _picture(draw_depth(perception.frame.depth), "Depth")
+    return (
+        f"<section><h3>Look {perception.step} <small>at {perception.frame.time:.1f} s</small></h3>"
+        f"<p>{_text(_observed(perception, score))}</p>"
+        f'<div class="pictures">{picture}{depth}</div>'
+        f"{_track_table(perception.posterior, score, catalogue)}"
+        f"<p>{_text(_done_next(perception.step, attempts))}</p></section>"
+    )
+
+
+def _observed(perception: Perception, score: Mapping[str, Any] | None) -> str:
+    tracks = perception.posterior.tracks
+    words = [
+        f"{len(perception.detections)} detections, {len(tracks)} tracks, {sum(t.accepted for t in tracks)} accepted"
+    ]
+    if score is not None and score["false_positives"] is not None:
+        words.append(f"{score['false_positives_rejected']} of {score['false_positives']} false positives rejected")
+        words.append(f"{score['true_tracks_accepted']} of {score['true_tracks']} true tracks accepted")
+    return "; ".join(words) + "."
+
+
+def _done_next(step: int, attempts: Sequence[Mapping[str, Any]]) -> str:
+    words = []
+    for row in attempts:
+        if row["step"] == step:
+            how = row["outcome"] or "outcome unknown"
+            words.append(f"{row['label']} to {row['region']}, {how} ({row['reason'].replace('_', ' ')})")
+    return "Then: " + "; ".join(words) + "." if words else "Then nothing was attempted."
+
+
+def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue: "Catalogue") -> str:
+    poses = {} if score is None else {pose["track"]: pose for pose in score["poses"]}
+    rows = []
+    for track in sorted(belief.tracks, key=lambda track: -track.probability):
+        pose = poses.get(track.id, {})
+        share = pose.get("visible_share")
+        rows.append(
+            [
+                str(track.id),
+                _swatch(track.label, catalogue) + _text(track.label),
+                _chip("accepted", "good") if track.accepted else _chip("rejected", "plain"),
+                f"{track.probability:.2f}",
+                f"{track.p_box * track.p_label:.2f}",
+                f"{track.likelihood:.2f}",
+                _millimetres(pose.get("translation_error_m")),
+                _degrees(pose.get("rotation_error_rad")),
+                "" if share is None else f"{100 * share:.0f} %",
+            ]
+        )
+    if not rows:
+        return ""
+    heads = ["track", "label", "", "probability", "detector", "likelihood", "position error", "angle error", "visible"]
+    return _table(heads, rows)
+
+
+def _timing(timing: Mapping[str, float | None]) -> str:
+    costs = [(name, value) for name, value in timing.items() if value is not None]
+    longest = max((value for _, value in costs), default=0.0) or 1.0
+    rows = [
+        [_text(_words(name)), _seconds(value), f'<span class="bar" style="width:{100 * value / longest:.1f}%"></span>']
+        for name, value in costs
+    ]
+    return _table(["", "", ""], rows) if rows else "<p>Nothing was measured.</p>"
+
+
+def _words(name: str) -> str:
+    return {"wall_s": "wall clock", "sim_time_s": "simulated time"}.get(
+        name, name.removesuffix("_cpu_s") + " (CPU)" if name.endswith("_cpu_s") else name
+    )
+
+
+def _made_with(summary: Mapping[str, Any]) -> str:
+    versions = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
+    device, digest = _text(summary["device"]), _text(summary["digest"])
+    return f'<p>{_text(versions)}; on {device}.</p><p class="digest">Digest {digest}</p>'
+
+
+def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Cells are HTML. On a narrow screen each cell carries its column's name, so that rows can be stacked."""
+    heads = list(heads)
+    head = "".join(f"<th>{_text(name)}</th>" for name in heads)
+    body = "".join(
+        "<tr>"
+        + "".join(f'<td data-name="{_text(name)}">{cell}</td>' for name, cell in zip(heads, row, strict=True))
+        + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _picture(image: Image, words: str) -> str:
+    _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 82])
+    data = base64.b64encode(jpeg.tobytes()).decode()
+    return f'<img src="data:image/jpeg;base64,{data}" alt="{_text(words)}">'
+
+
+def _swatch(label: str, catalogue: "Catalogue") -> str:
+    r, g, b = label_color(label, catalogue)
+    return f'<i class="swatch" style="background:rgb({r},{g},{b})"></i>'
+
+
+def _chip(words: str, kind: str) -> str:
+    return f'<span class="chip {kind}">{_text(words)}</span>'
+
+
+def _millimetres(value: float | None) -> str:
+    return "" if value is None else f"{1000 * value:.1f} mm"
+
+
+def _degrees(value: float | None) -> str:
+    return "" if value is None else f"{np.degrees(value):.1f}°"
+
+
+def _seconds(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f} s"
+
+
+def _text(value: str) -> str:
+    return html.escape(value)
+
+
+_STYLE = """
+:root { --ink: #1d2329; --faint: #66707a; --line: #d9dee3; --good: #1a7f4b; --bad: #b3261e; --poor: #9a6700; }
+* { box-sizing: border-box; }
+body { margin: 0; background: #f5f6f8; color: var(--ink); font: 15px/1.5 system-ui, sans-serif; }
+main { max-width: 1100px; margin: 0 auto; padding: 24px 16px 64px; }
+h1 { font-size: 26px; margin: 0; } h2 { font-size: 20px; margin: 36px 0 10px; } h3 { font-size: 17px; margin: 0; }
+small, .legend { color: var(--faint); } h3 small { font-weight: normal; }
+p { margin: 6px 0; }
+section { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 14px; margin: 14px 0; }
+.problem { background: #fff4e0; border-left: 4px solid var(--poor); padding: 8px 12px; overflow-wrap: anywhere; }
+.figures { display: flex; flex-wrap: wrap; gap: 10px; margin: 16px 0; }
+.figures div { background: #fff; border: 1px solid var(--line); border-radius: 8px; }
+.figures div { padding: 8px 14px; flex: 1 1 130px; }
+.figures b { display: block; font-size: 20px; } .figures span { color: var(--faint); font-size: 13px; }
+.pictures { display: flex; flex-wrap: wrap; gap: 8px; align-items: flex-start; margin: 10px 0; }
+.pictures img { width: 100%; min-width: 0; border-radius: 4px; }
+.pictures img:first-child { flex: 2.1 1 480px; } .pictures img:last-child { flex: 1 1 230px; }
+table { width: 100%; border-collapse: collapse; background: #fff; font-size: 14px; }
+th { text-align: left; color: var(--faint); font-weight: 600; font-size: 12.5px; }
+th, td { padding: 5px 8px; border-bottom: 1px solid var(--line); vertical-align: top; }
+td { font-variant-numeric: tabular-nums; }
+.chip { border-radius: 10px; padding: 1px 9px; font-size: 13px; background: #e8ebee; white-space: nowrap; }
+.chip.good { background: #dcf3e6; color: var(--good); } .chip.bad { background: #fbe3e1; color: var(--bad); }
+.chip.poor { background: #fff0d6; color: var(--poor); }
+h1 + p .chip { white-space: normal; font-size: 15px; }
+.swatch { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
+.bar { display: block; height: 12px; margin-top: 5px; border-radius: 2px; background: #5b8def; min-width: 2px; }
+.digest { font: 12px monospace; color: var(--faint); overflow-wrap: anywhere; }
+pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }
+@media (max-width: 640px) {
+  thead { display: none; }
+  tr { display: block; padding: 6px 0; border-bottom: 1px solid var(--line); }
+  td { display: flex; justify-content: space-between; gap: 16px; border: 0; padding: 2px 8px; }
+  td::before { content: attr(data-name); color: var(--faint); flex: none; }
+  td:empty { display: none; }
+}
+@media print {
+  body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
+  section, .figures div, tr { break-inside: avoid; } * { print-color-adjust: exact; }
+}
+"""
