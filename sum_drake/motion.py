@@ -15,6 +15,7 @@ from ompl import geometric as og
 from ompl import util as ou
 from pydrake.geometry import Convex
 from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import ModelDirective, ModelDirectives, ProcessModelDirectives
 from pydrake.multibody.plant import CoulombFriction
 from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
@@ -87,49 +88,28 @@ class PlanningScene:
     Every q is (8,), ARM_JOINTS. Head at VIEW_HEAD, fingers `gap` apart.
     """
 
-    checker: SceneGraphCollisionChecker
-    directives: str
-    names: tuple[str, ...] = ()
-    """Of the solids, in order."""
+    directives: str | Sequence[ModelDirective] = SORTING
+    """The furniture and a model named "fetch": a path, a package://sum_drake URI, or directives as Drake reads them."""
+    solids: tuple[Solid, ...] = ()
     gap: float = robot.HAND.gap_max
+    checker: SceneGraphCollisionChecker = None
+    """Made from the rest, in about .3 CPU seconds; scenes derived from this one share or clone it."""
 
-    @staticmethod
-    def load(directives: str = SORTING, *, solids: Sequence[Solid] = ()) -> "PlanningScene":
-        """A scene of model directives (a path or package://sum_drake URI) with a model named "fetch", and solids.
+    def __post_init__(self) -> None:
+        """Raises InputError where the directives cannot be loaded."""
+        if self.checker is None:
+            object.__setattr__(self, "checker", _make_checker(self.directives, self.solids, self.names))
 
-        Costs about .3 CPU seconds. Solids of equal name get a number. Raises InputError where the directives cannot
-        be loaded.
-        """
-        builder = RobotDiagramBuilder(time_step=0.0)
-        builder.parser().package_map().Add("sum_drake", str(MODELS))
-        try:
-            builder.parser().AddModels(str(asset(directives)))
-            fetch = builder.plant().GetModelInstanceByName(_ROBOT)
-        except RuntimeError as error:
-            reason = " ".join(str(error).split())
-            raise InputError(f"{directives}: {reason}: expected model directives with a model 'fetch'") from error
-        plant = builder.plant()
-        names: list[str] = []
-        for solid in solids:
-            same = sum(name.split("#")[0] == solid.name for name in names)
-            names.append(f"{solid.name}#{same + 1}" if same else solid.name)
-            instance = plant.AddModelInstance(f"solid::{names[-1]}")
-            body = plant.AddRigidBody(names[-1], instance, SpatialInertia.NaN())
-            plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(solid.X_WS))
-            for i, hull in enumerate(solid.hulls):
-                shape = Convex(points=hull.T, label=solid.name)
-                plant.RegisterCollisionGeometry(body, RigidTransform(), shape, f"{i}", CoulombFriction(1.0, 1.0))
-        checker = SceneGraphCollisionChecker(
-            model=builder.Build(),
-            robot_model_instances=[fetch],
-            edge_step_size=FINE,
-            implicit_context_parallelism=False,
-        )
-        return PlanningScene(checker, directives, tuple(names))
+    @functools.cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of the solids, in order; those of equal name are numbered: tide, tide#2."""
+        given = [solid.name for solid in self.solids]
+        counts = [given[: i + 1].count(name) for i, name in enumerate(given)]
+        return tuple(f"{name}#{count}" if count > 1 else name for name, count in zip(given, counts, strict=True))
 
     def with_solids(self, solids: Sequence[Solid]) -> "PlanningScene":
         """The same furniture with these solids, nothing held, no padding."""
-        return PlanningScene.load(self.directives, solids=solids)
+        return PlanningScene(self.directives, tuple(solids), self.gap)
 
     def with_gap(self, gap: float) -> "PlanningScene":
         """The same scene with the fingers `gap` metres apart."""
@@ -145,10 +125,10 @@ class PlanningScene:
                 checker.SetPaddingBetween(self._body(name), link, solids)
         return dataclasses.replace(self, checker=checker)
 
-    def ignoring(self, name: str) -> "PlanningScene":
-        """The same scene without one of its solids."""
+    def ignoring(self, *names: str) -> "PlanningScene":
+        """The same scene without some of its solids."""
         checker = self.checker.Clone()
-        for link in self._links(checker):
+        for name, link in itertools.product(names, self._links(checker)):
             checker.SetCollisionFilteredBetween(self._body(name), link, True)
         return dataclasses.replace(self, checker=checker)
 
@@ -198,7 +178,8 @@ class PlanningScene:
         return [index for index in indices if checker.IsPartOfRobot(index)]
 
     def _body(self, name: str) -> BodyIndex:
-        return self.checker.plant().GetBodyByName(name).index()
+        plant = self.checker.plant()
+        return plant.GetBodyByName(name, plant.GetModelInstanceByName(f"solid::{name}")).index()
 
     @functools.cached_property
     def _order(self) -> Array:
@@ -212,6 +193,34 @@ class PlanningScene:
         full[..., self._order[8:10]] = robot.VIEW_HEAD
         full[..., self._order[10:]] = self.gap / 2
         return full
+
+
+def _make_checker(
+    directives: str | Sequence[ModelDirective], solids: Sequence[Solid], names: Sequence[str]
+) -> SceneGraphCollisionChecker:
+    builder = RobotDiagramBuilder(time_step=0.0)
+    builder.parser().package_map().Add("sum_drake", str(MODELS))
+    try:
+        if isinstance(directives, str):
+            builder.parser().AddModels(str(asset(directives)))
+        else:
+            ProcessModelDirectives(ModelDirectives(directives=list(directives)), builder.parser())
+        fetch = builder.plant().GetModelInstanceByName(_ROBOT)
+    except RuntimeError as error:
+        where = directives if isinstance(directives, str) else "directives"
+        reason = " ".join(str(error).split())
+        raise InputError(f"{where}: {reason}: expected model directives with a model '{_ROBOT}'") from error
+    plant = builder.plant()
+    for solid, name in zip(solids, names, strict=True):
+        instance = plant.AddModelInstance(f"solid::{name}")
+        body = plant.AddRigidBody(name, instance, SpatialInertia.NaN())
+        plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(solid.X_WS))
+        for i, hull in enumerate(solid.hulls):
+            shape = Convex(points=hull.T, label=name)
+            plant.RegisterCollisionGeometry(body, RigidTransform(), shape, f"{i}", CoulombFriction(1.0, 1.0))
+    return SceneGraphCollisionChecker(
+        model=builder.Build(), robot_model_instances=[fetch], edge_step_size=FINE, implicit_context_parallelism=False
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,0 +1,449 @@
+"""How to take an object from the table and put it somewhere: grasp, inverse kinematics, paths, timing.
+
+A pick is approach (around everything, to a pose short of the grasp), reach (straight along the hand's approach axis),
+close, lift (straight up). A place is transport (around everything, with the object in the hand), open, retreat
+(straight), return (around everything, to the viewing pose).
+"""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from sum_drake import timing
+from sum_drake.geometry import apply, inverse, rotation_from_vector
+from sum_drake.grasping import RankedGrasps, half_turn
+from sum_drake.kinematics import CONTINUOUS, Arm
+from sum_drake.motion import (
+    FINE,
+    NoPath,
+    PlanningScene,
+    Solid,
+    cartesian_path,
+    plan_path,
+    seconds,
+    solid_of,
+    solids_of_points,
+)
+from sum_drake.objects import ObjectModel
+from sum_drake.robot import HAND, VIEW
+from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory
+
+
+@dataclasses.dataclass
+class PickConfig:
+    """Planning of one pick and place; SI units."""
+
+    approach: float = 0.09
+    """The hand stops this far short of the grasp, then reaches straight."""
+    lifts: list[float] = dataclasses.field(default_factory=lambda: [0.18, 0.13, 0.09])
+    """Heights of the straight lift, the first that the arm can do is taken."""
+    retreats: list[float] = dataclasses.field(default_factory=lambda: [0.14, 0.09])
+    """Lengths of the straight retreat after the release, likewise."""
+    furniture_padding: float = 0.01
+    """Distance that the arm keeps from table and bins while it goes around things."""
+    solid_padding: float = 0.006
+    """The same from believed objects and unexplained points."""
+    self_padding: float = 0.005
+    """The same from the robot itself."""
+    reach_padding: float = 0.002
+    """Distance from table and bins during reach, lift and retreat; the object itself and its points do not count."""
+    explained: float = 0.012
+    """Depth points this close to a believed object are that object, not obstacles of their own."""
+    point_size: float = 0.015
+    """Edge of the boxes that cover unexplained points."""
+    grasps: int = 60
+    """Grasps examined: two thirds the best ranked, one third spread over the rest."""
+    searches: int = 6
+    """Grasps for which paths are searched before the object is given up."""
+    budget: int = 1500
+    """Calls of the termination condition in one path search."""
+    speed: float = 1.0
+    """Share of the joints' speed that the arm goes around things with."""
+    straight_speed: float = 0.6
+    """The same for reach, lift and retreat."""
+    release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
+    """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
+    close_time: float = 1.2
+    """Seconds given to the fingers to close: .1 m at .1 m/s, and a moment to hold."""
+    open_time: float = 0.8
+    """Seconds given to the fingers to open."""
+
+
+REASONS = (
+    "no_grasp", "start_in_collision", "ik", "grasp_collision", "reach", "lift", "place_ik", "place_collision",
+    "no_path_to_pregrasp", "no_path_to_place", "no_path_home",
+)  # fmt: skip
+"""Why nothing can be done, and, but for the first two, how far a grasp got, in the order of the tests:
+
+no_grasp: no candidate came out of the ranking; start_in_collision: the arm, where it is, touches something;
+ik: the arm cannot put the hand there; grasp_collision: something other than the object is in the way at the grasp
+(counted as grasp_collision_BODY, the body that is met); reach: no straight free way from short of the grasp to it;
+lift: no straight free way up; place_ik, place_collision: the arm cannot hold the object over the region, or something
+is in the way; no_path_to_pregrasp, no_path_to_place, no_path_home: the search for a free path was given up.
+"""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PickPlan(Immutable):
+    """A free, timed motion that brings the object into the region."""
+
+    grasp: Grasp
+    X_WG: Array
+    """(4, 4): the hand at the grasp."""
+    pick: Motion
+    """approach, reach, close, lift."""
+    place: Motion
+    """transport, open, retreat, return; starts where `pick` ends."""
+    X_WG_place: Array
+    """(4, 4)."""
+    X_WO_place: Array
+    """(4, 4): the object when it is let go."""
+    grasp_candidates: int
+    """Grasps that were ranked, kept or dropped."""
+    rejected_by: tuple[tuple[str, int], ...]
+    """Grasps dropped before this one, by cause: grasping.CAUSES, then REASONS."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Infeasible(Immutable):
+    """Nothing was found."""
+
+    reason: str
+    """One of REASONS: the furthest that any grasp got."""
+    grasp_candidates: int
+    rejected_by: tuple[tuple[str, int], ...]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Pick(Immutable):
+    """Joint paths of one way to pick."""
+
+    X_WG: Array
+    reach: Array
+    """(k, 8) from short of the grasp to it."""
+    lift: Array
+    """(k, 8) from the grasp upwards."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Place(Immutable):
+    """One way to let go."""
+
+    X_WG: Array
+    X_WO: Array
+    retreat: Array
+    """(k, 8) from the release backwards."""
+
+
+class _GivenUp(Exception):
+    """A grasp fell through: `stage` is one of REASONS, `cause` what it is counted as."""
+
+    def __init__(self, stage: str, cause: str | None = None) -> None:
+        super().__init__(stage)
+        self.stage, self.cause = stage, cause or stage
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Scenes(Immutable):
+    """One scene, as it is seen in the phases of the motion."""
+
+    around: PlanningScene
+    """Everything, at the distances of a motion around things."""
+    close: PlanningScene
+    """Near the grasp: without the object, without points, close to table and neighbours."""
+    cleared: PlanningScene
+    """`around` without the object: once it has been let go."""
+    full: PlanningScene
+    """No padding, without the object: the base of scenes in which the hand holds it."""
+    config: PickConfig
+
+    @staticmethod
+    def make(
+        scene: PlanningScene, target: Solid, others: Sequence[Solid], points: Array, config: PickConfig
+    ) -> "_Scenes":
+        loose = solids_of_points(_unexplained(points, others, config.explained), size=config.point_size)
+        # The object and the points come first, so that no other solid of the same name is meant by theirs.
+        full = scene.with_solids((target, *loose, *others))
+        around = _padded(full, config)
+        near = full.padded(furniture=config.reach_padding, solids=0.0, self_distance=config.self_padding)
+        close = near.ignoring(*full.names[: 1 + len(loose)])
+        return _Scenes(around, close, around.ignoring(full.names[0]), full.ignoring(full.names[0]), config)
+
+    def holding(self, hulls: Sequence[Array], X_GO: Array, gap: float) -> PlanningScene:
+        """`cleared` with the object in the hand."""
+        return _padded(self.full.holding(hulls, X_GO).with_gap(gap), self.config)
+
+
+def _padded(scene: PlanningScene, config: PickConfig) -> PlanningScene:
+    return scene.padded(
+        furniture=config.furniture_padding, solids=config.solid_padding, self_distance=config.self_padding
+    )
+
+
+def plan_pick_place(
+    *,
+    arm: Arm,
+    scene: PlanningScene,
+    ranked: RankedGrasps,
+    X_WO: Array,
+    model: ObjectModel,
+    region: Region,
+    q_now: Array,
+    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
+    points_W: Array | None = None,
+    seed: int,
+    config: PickConfig,
+    fill: float = 0.0,
+) -> PickPlan | Infeasible:
+    """The first of the ranked grasps that can be picked, carried to the region and let go, with its motions.
+
+    scene: robot and furniture. X_WO: (4, 4), of the object to move. q_now: (8,). obstacles: the other believed objects
+    and their poses. points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
+    filled, metres above its floor. A function of its arguments; about 2 CPU seconds.
+
+    The hand was tested against points_W when the grasps were ranked, so close to the grasp only furniture and the
+    hulls of other objects count; everything counts while the arm goes around things.
+    """
+    target = solid_of(model, X_WO)
+    others = [solid_of(other, X) for other, X in obstacles]
+    points = np.empty((0, 3)) if points_W is None else points_W
+    scenes = _Scenes.make(scene, target, others, points, config)
+    rng = np.random.default_rng(seed)
+    candidates = len(ranked.grasps) + sum(count for _, count in ranked.rejected_by)
+    rejected: Counter[str] = Counter()
+
+    def counts() -> tuple[tuple[str, int], ...]:
+        return (*ranked.rejected_by, *sorted(rejected.items()))
+
+    if not scenes.around.is_free(q_now):
+        return Infeasible("start_in_collision", candidates, counts())
+    furthest, searches = "no_grasp", 0
+    for i in _examined(len(ranked.grasps), config.grasps):
+        grasp, gap = ranked.grasps[i], float(ranked.gaps[i])
+        try:
+            pick = _find_pick(arm, scenes, ranked.X_WGs[i], gap, grasp.width, q_now)
+            X_GO = inverse(pick.X_WG) @ X_WO
+            held = scenes.holding(target.hulls, X_GO, grasp.width)
+            if not held.is_free(pick.lift[-1]):
+                raise _GivenUp("lift")
+            places = _find_places(arm, scenes, held, target, X_GO, region, fill, pick.lift[-1], gap, rng)
+            searches += 1
+            motions = _connect(scenes, held, pick, places, q_now, gap, int(rng.integers(2**31)))
+        except _GivenUp as given_up:
+            rejected[given_up.cause] += 1
+            furthest = max(furthest, given_up.stage, key=REASONS.index)
+            if searches >= config.searches:
+                break
+            continue
+        place, pick_motion, place_motion = motions
+        return PickPlan(grasp, pick.X_WG, pick_motion, place_motion, place.X_WG, place.X_WO, candidates, counts())
+    return Infeasible(furthest, candidates, counts())
+
+
+def plan_retreat(
+    *,
+    arm: Arm,
+    scene: PlanningScene,
+    q_now: Array,
+    motion_id: int = 0,
+    seed: int,
+    config: PickConfig,
+    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
+    points_W: Array | None = None,
+) -> Motion:
+    """From wherever the arm is (8,), after a failed pick: opens the hand, rises straight, returns to the viewing pose.
+
+    Rises as far as it can, at most to .4 m. Raises RuntimeError where there is no free way back.
+    """
+    others = [solid_of(other, X) for other, X in obstacles]
+    points = _unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
+    bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
+    around = _padded(bare, config)
+    rise = np.array([q_now])
+    for height in np.arange(0.4, 0.0, -0.05):
+        X_WG = arm.forward(q_now)
+        paths = cartesian_path(arm, X_WG, _shifted(X_WG, np.array([0, 0, height])), q_now)
+        # Where the arm stands it may touch things; rising must only lead away from them.
+        risen = [path for path in paths if around.is_free(path[-1])]
+        if risen:
+            rise = risen[0]
+            break
+    home = _nearest_turns(VIEW, rise[-1])
+    for padded in (around, bare):
+        path = plan_path(padded, rise[-1], home[None], seed=seed, budget=4 * config.budget)
+        if not isinstance(path, NoPath):
+            break
+    else:
+        raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
+    segments = [Segment("open", timing.rest(q_now, config.open_time), HAND.gap_max)]
+    if len(rise) > 1:
+        rising = timing.time_curve(rise, speed=config.straight_speed)
+        segments.append(Segment("retreat", rising, HAND.gap_max))
+    segments.append(Segment("return", _timed(padded, path.qs, config.speed), HAND.gap_max))
+    return Motion(motion_id, tuple(segments))
+
+
+def _examined(count: int, limit: int) -> list[int]:
+    """Which of `count` ranked grasps to look at: the best ones, then some spread over the rest.
+
+    Grasps next to each other in rank are alike, and so are the reasons why they fail.
+    """
+    if count <= limit:
+        return list(range(count))
+    best = 2 * limit // 3
+    return [*range(best), *np.linspace(best, count - 1, limit - best).round().astype(int).tolist()]
+
+
+def _find_pick(arm: Arm, scenes: _Scenes, X_WG: Array, gap: float, width: float, q_now: Array) -> _Pick:
+    """Reach and lift of one grasp, in the first arm configuration that allows both."""
+    config = scenes.config
+    around, close, gripped = scenes.around.with_gap(gap), scenes.close.with_gap(gap), scenes.close.with_gap(width)
+    found = _GivenUp("ik")
+    for X in (X_WG, half_turn(X_WG)):
+        qs = arm.solutions(X, near=q_now, count=12)
+        if not len(qs):
+            continue
+        free = close.free_many(qs)
+        if not free.any() and found.stage == "ik":
+            body = close.colliding_pairs(qs[0])[0][1]
+            found = _GivenUp("grasp_collision", f"grasp_collision_{body}")
+        for q in qs[free][:4]:
+            reach = _first_free(close, cartesian_path(arm, X, X @ _along_x(-config.approach), q), around)
+            if reach is None:
+                found = max(found, _GivenUp("reach"), key=lambda why: REASONS.index(why.stage))
+                continue
+            for height in config.lifts:
+                lift = _first_free(gripped, cartesian_path(arm, X, _shifted(X, np.array([0, 0, height])), q), gripped)
+                if lift is not None:
+                    return _Pick(X, reach[::-1], lift)
+            found = _GivenUp("lift")
+    raise found
+
+
+def _first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Array | None:
+    """The first of paths (n, k, 8) that is free on its way and, in another scene, at its end."""
+    return next((path for path in paths if at_end.is_free(path[-1]) and along.path_free(path, 0.01)), None)
+
+
+def _find_places(
+    arm: Arm, scenes: _Scenes, held: PlanningScene, target: Solid, X_GO: Array, region: Region, fill: float,
+    q_lift: Array, gap: float, rng: np.random.Generator,
+) -> list[_Place]:  # fmt: skip
+    """Up to three ways to let go of the object over the region, at the lowest height where there is one."""
+    config = scenes.config
+    opened, cleared = scenes.close.with_gap(gap), scenes.cleared.with_gap(gap)
+    p_OQs = np.concatenate(target.hulls)
+    # Turned as if the arm carried the object around the shoulder, and by multiples of 30 degrees from there.
+    X_WO_lift = arm.forward(q_lift) @ X_GO
+    turn = np.arctan2(region.p_W[1], region.p_W[0]) - np.arctan2(X_WO_lift[1, 3], X_WO_lift[0, 3])
+    spots = np.array([(x, y) for x in (-0.7, 0.0, 0.7) for y in (-0.7, 0.0, 0.7)])[rng.permutation(9)][:3]
+    stage = "place_ik"
+    for height in config.release_heights:
+        options: list[tuple[float, Array, Array, Array]] = []
+        for yaw in turn + np.arange(-5, 7) * np.pi / 6:
+            R_WO = rotation_from_vector(np.array([0, 0, yaw])) @ X_WO_lift[:3, :3]
+            corners = p_OQs @ R_WO.T
+            low, high = corners.min(0), corners.max(0)
+            room = np.maximum(region.half_extents - (high - low) / 2 - 0.02, 0.0)
+            for spot in spots:
+                X_WO = np.eye(4)
+                X_WO[:3, :3] = R_WO
+                X_WO[:2, 3] = region.p_W[:2] + spot * room[:2] - (low + high)[:2] / 2
+                X_WO[2, 3] = region.floor_height + fill + height - low[2]
+                X_WG = X_WO @ inverse(X_GO)
+                for q in arm.solutions(X_WG, near=q_lift, count=2):
+                    options.append((seconds(np.stack([q_lift, q])), q, X_WG, X_WO))
+        options.sort(key=lambda option: option[0])
+        if not options:
+            continue
+        stage = "place_collision"
+        free = held.free_many(np.array([q for _, q, _, _ in options[:60]]))
+        places: list[_Place] = []
+        for k in np.flatnonzero(free):
+            _, q, X_WG, X_WO = options[k]
+            ways = (X_WG @ _along_x(-length) for length in config.retreats)
+            ups = (_shifted(X_WG, np.array([0, 0, length])) for length in config.retreats)
+            for X_back in (*ways, *ups):
+                retreat = _first_free(opened, cartesian_path(arm, X_WG, X_back, q), cleared)
+                if retreat is not None:
+                    places.append(_Place(X_WG, X_WO, retreat))
+                    break
+            if len(places) == 3:
+                break
+        if places:
+            return places
+    raise _GivenUp(stage)
+
+
+def _connect(
+    scenes: _Scenes, held: PlanningScene, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
+) -> tuple[_Place, Motion, Motion]:
+    """Searches the three paths around things, and times everything."""
+    config = scenes.config
+    around, cleared = scenes.around.with_gap(gap), scenes.cleared.with_gap(gap)
+    approach = plan_path(around, q_now, pick.reach[:1], seed=seed, budget=config.budget)
+    if isinstance(approach, NoPath):
+        raise _GivenUp("no_path_to_pregrasp")
+    releases = np.array([place.retreat[0] for place in places])
+    transport = plan_path(held, pick.lift[-1], releases, seed=seed, budget=config.budget)
+    if isinstance(transport, NoPath):
+        raise _GivenUp("no_path_to_place")
+    place = places[transport.goal]
+    home = _nearest_turns(VIEW, place.retreat[-1])
+    back = plan_path(cleared, place.retreat[-1], home[None], seed=seed, budget=config.budget)
+    if isinstance(back, NoPath):
+        raise _GivenUp("no_path_home")
+
+    def straight(qs: Array) -> Trajectory:
+        return timing.time_curve(qs, speed=config.straight_speed)
+
+    picking = (
+        Segment("approach", _timed(around, approach.qs, config.speed), gap),
+        Segment("reach", straight(pick.reach), gap),
+        Segment("close", timing.rest(pick.reach[-1], config.close_time), 0.0),
+        Segment("lift", straight(pick.lift), 0.0),
+    )
+    placing = (
+        Segment("transport", _timed(held, transport.qs, config.speed), 0.0),
+        Segment("open", timing.rest(transport.qs[-1], config.open_time), gap),
+        Segment("retreat", straight(place.retreat), gap),
+        Segment("return", _timed(cleared, back.qs, config.speed), gap),
+    )
+    return place, Motion(0, picking), Motion(1, placing)
+
+
+def _timed(scene: PlanningScene, qs: Array, speed: float) -> Trajectory:
+    """A free polyline as a trajectory that is free as well: corners are rounded where that can be."""
+    rounded = timing.time_path(qs, is_free=lambda corner: bool(scene.free_many(corner).all()), speed=speed)
+    return rounded if scene.path_free(timing.sample(rounded, 0.01), FINE) else timing.time_path(qs, speed=speed)
+
+
+def _unexplained(points_W: Array, solids: Sequence[Solid], distance: float) -> Array:
+    """The points (n, 3) that lie further than `distance` from every hull."""
+    loose = np.ones(len(points_W), dtype=bool)
+    for solid in solids:
+        p_SQ = apply(inverse(solid.X_WS), points_W)
+        for hull in solid.hulls:
+            faces = ConvexHull(hull).equations  # (f, 4): outward normal and offset
+            loose &= (p_SQ @ faces[:, :3].T + faces[:, 3]).max(1) > distance
+    return points_W[loose]
+
+
+def _nearest_turns(q: Array, near: Array) -> Array:
+    """q (8,) with its continuous joints in the turn nearest to `near`."""
+    turned: Array = q + np.where(CONTINUOUS, 2 * np.pi * np.round((near - q) / (2 * np.pi)), 0.0)
+    return turned
+
+
+def _along_x(distance: float) -> Array:
+    return _shifted(np.eye(4), np.array([distance, 0.0, 0.0]))
+
+
+def _shifted(X_WA: Array, p_W: Array) -> Array:
+    """X_WA (4, 4), moved by p_W (3,)."""
+    X = X_WA.copy()
+    X[:3, 3] += p_W
+    return X
