@@ -1,0 +1,79 @@
+import pytest
+
+from sum_drake.assets import InputError
+from sum_drake.objects import load_catalogue
+from sum_drake.systems.scenario import SCENARIOS, dump_scenario, load_scenario
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    return load_catalogue()
+
+
+def test_default_scenario_sorts_by_category_into_two_bins(catalogue):
+    scenario = load_scenario(catalogue=catalogue)
+    assert scenario.goal == {"cleaning": "cleaning_bin", "non-cleaning": "non_cleaning_bin"}
+    assert scenario.region("cleaning_bin").p_W[1] < 0 < scenario.region("non_cleaning_bin").p_W[1], "right, left"
+    assert scenario.unique_labels
+    assert scenario.task.policy == "most_likely"
+    assert scenario.plant_config.time_step == 0.004
+
+
+def test_the_papers_filter_is_a_scenario(catalogue):
+    assert load_scenario(name="paper", catalogue=catalogue).filter == "paper"
+
+
+def test_text_seed_and_count_go_over_the_file(catalogue):
+    text = "{random_seed: 4, filter: paper, objects: {count: 3}}"
+    scenario = load_scenario(text=text, catalogue=catalogue)
+    assert (scenario.random_seed, scenario.filter, scenario.objects.count) == (4, "paper", 3)
+    scenario = load_scenario(text=text, seed=9, objects=2, catalogue=catalogue)
+    assert (scenario.random_seed, scenario.objects.count) == (9, 2)
+
+
+def test_the_resolved_scenario_reads_back_as_itself(catalogue, tmp_path):
+    scenario = load_scenario(text="{objects: {labels: [mug, tide]}}", seed=7, catalogue=catalogue)
+    file = tmp_path / "scenario.yaml"
+    file.write_text(dump_scenario(scenario))
+    again = load_scenario(file, catalogue=catalogue)
+    assert dump_scenario(again) == dump_scenario(scenario)
+    assert again.objects.labels == ["mug", "tide"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{fliter: paper}", ["unknown key 'fliter'", "expected one of", "filter"]),
+        ("{simulated_detector: {mis_rate: 0.1}}", ["simulated_detector", "unknown key 'mis_rate'", "miss_rate"]),
+        ("{cameras: {head_camera: {widht: 3}}}", ["cameras: head_camera", "unknown key 'widht'"]),
+        ("{objects: {count: 16}}", ["16 objects", "expected 1 to 15"]),
+        ("{objects: {count: 0}}", ["0 objects", "expected 1 to"]),
+        ("{objects: {labels: [unicorn]}}", ["'unicorn'", "expected one of", "tide"]),
+        ("{objects: {labels: [mug, mug]}}", ["twice"]),
+        ("{random_seed: -1}", ["random_seed -1"]),
+        ("{random_seed: many}", ["expected the types"]),
+        ("{filter: kalman}", ["filter 'kalman'", "paper"]),
+        ("{detector: Oracle}", ["detector 'Oracle'", "SimulatedDetector"]),
+        ("{task: {policy: luck}}", ["policy 'luck'", "most_likely"]),
+        ("{goal: {cleaning: moon}}", ["'moon'", "cleaning_bin"]),
+        ("{goal: {vegetables: leave}}", ["'vegetables'", "cleaning"]),
+        ("{regions: {table: {p_W: [1, 2], half_extents: [1, 1, 1]}}}", ["region table", "three numbers"]),
+        ("[1, 2]", ["expected a mapping"]),
+        ("{a: [", ["expected YAML"]),
+    ],
+)
+def test_bad_text_is_one_line_that_says_what_where_and_what_was_expected(catalogue, text, words):
+    with pytest.raises(InputError) as error:
+        load_scenario(text=text, catalogue=catalogue)
+    message = str(error.value)
+    assert "\n" not in message
+    assert "--scenario-text" in message
+    for word in words:
+        assert word in message
+
+
+def test_unknown_files_and_names_are_refused(catalogue, tmp_path):
+    with pytest.raises(InputError, match=r"nowhere.yaml.*expected a YAML file"):
+        load_scenario(tmp_path / "nowhere.yaml", catalogue=catalogue)
+    with pytest.raises(InputError, match=rf"'other'.*{SCENARIOS.name}.*expected one of sorting, paper"):
+        load_scenario(name="other", catalogue=catalogue)

@@ -1,0 +1,170 @@
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.systems.analysis import Simulator
+from test_playback import MOTION
+
+from sum_drake.picking import PickPlan
+from sum_drake.robot import VIEW
+from sum_drake.systems.sorting_planner import SortingPlanner, holds
+from sum_drake.task import Look, Pick, Stop
+from sum_drake.types import (
+    Attempt,
+    Camera,
+    Frame,
+    Grasp,
+    Motion,
+    MotionStatus,
+    Perception,
+    PoseBelief,
+    SceneBelief,
+    Track,
+    readonly,
+)
+
+EYE = readonly(np.eye(4))
+BELIEF = PoseBelief(readonly(np.eye(4)[None]), readonly([1.0]))
+TRACK = Track(5, "mug", (0, 0, 9, 9), 0.9, 0.9, BELIEF, EYE, 0.5, 0.7, True, 0, 0)
+PLAN = PickPlan(
+    grasp=Grasp("mug", EYE, width=0.04, quality=0.8), X_WG=EYE, pick=MOTION, place=MOTION,
+    X_WG_place=EYE, X_WO_place=EYE, grasp_candidates=20, rejected_by=(("table", 3),),
+)  # fmt: skip
+REFUSED = Attempt(0, 6, "toy", "bin", "none", "ik", 10, (("ik", 10),), None)
+
+
+def perception(step):
+    frame = Frame(step, np.zeros((2, 2, 3), np.uint8), np.zeros((2, 2), np.float32), Camera(2, 2, 1, 1, 0.5, 0.5), EYE)
+    return Perception(step, frame, (), (), SceneBelief(step - 1), SceneBelief(step, (TRACK,), 6), None)
+
+
+class Bench:
+    """The planner between ports that the test turns."""
+
+    def __init__(self, *choices):
+        self.asked = []
+        choices = list(choices)
+
+        def decide(perception, attempts, looks, q):
+            self.asked.append((perception.step, len(attempts), looks))
+            return choices.pop(0)
+
+        def retreat(q, motion):
+            return Motion(motion, MOTION.segments)
+
+        self.planner = SortingPlanner(decide=decide, retreat=retreat, period=0.1, settle_time=0.5)
+        self.simulator = Simulator(self.planner)
+        self.context = self.simulator.get_mutable_context()
+        self.fix("perception", None)
+        self.fix("motion_status", MotionStatus(-1, "", True))
+        self.hand(0.1)
+
+    def fix(self, port, value):
+        self.planner.GetInputPort(port).FixValue(self.context, Value[object](value))
+
+    def hand(self, gap):
+        state = np.zeros(24)
+        state[:8] = VIEW
+        state[8:10] = gap / 2
+        self.planner.GetInputPort("robot_state").FixValue(self.context, state)
+
+    def wait(self, seconds=0.25):
+        self.simulator.AdvanceTo(self.context.get_time() + seconds)
+
+    def out(self, port):
+        return self.planner.GetOutputPort(port).Eval(self.context)
+
+    def look(self, step):
+        """Lets the planner ask for an observation, and answers it."""
+        self.wait(0.8)
+        assert self.out("observe")[0] == step + 1
+        self.fix("perception", perception(step))
+        self.wait()
+
+    def finish(self):
+        self.fix("motion_status", MotionStatus(self.out("motion").id, "", True))
+        self.wait()
+
+
+def test_waits_for_its_own_observation_before_it_decides():
+    bench = Bench(Stop("cleared", ()))
+    bench.wait(0.3)
+    assert bench.out("observe")[0] == 0, "not before things have settled"
+    bench.wait(2.0)
+    assert bench.out("observe")[0] == 1
+    assert bench.asked == [], "no perception yet"
+    bench.fix("perception", perception(0))
+    bench.wait()
+    assert bench.out("outcome") == "cleared"
+    assert len(bench.asked) == 1
+
+
+def test_a_pick_that_holds_goes_on_to_place_and_is_told_with_what_was_felt():
+    bench = Bench(Pick(PLAN, TRACK, "bin", (REFUSED,)), Stop("cleared", ()))
+    bench.look(0)
+    assert bench.out("motion").id == 0
+    assert bench.out("executed_action") is None
+    bench.hand(0.038)
+    bench.finish()
+    assert bench.out("motion").id == 1
+    bench.fix("motion_status", MotionStatus(1, "transport", False))
+    bench.hand(0.036)
+    bench.wait()
+    bench.fix("motion_status", MotionStatus(1, "open", False))
+    bench.hand(0.1)
+    bench.wait()
+    bench.finish()
+    action = bench.out("executed_action")
+    assert (action.track, action.released) == (5, True)
+    assert action.gap_lift == pytest.approx(0.038)
+    assert action.gap_place == pytest.approx(0.036), "before the hand opened"
+    refused, attempt = bench.out("attempts")
+    assert refused == REFUSED
+    assert (attempt.reason, attempt.region, attempt.grasp_candidates) == ("executed", "bin", 20)
+    bench.look(1)
+    assert bench.out("outcome") == "cleared"
+
+
+def test_an_empty_hand_gives_up_and_retreats():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.hand(0.0005)
+    bench.finish()
+    assert bench.out("motion").id == 1
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert attempt.reason == "empty_hand"
+    assert not attempt.action.released
+
+
+def test_an_object_lost_on_the_way_is_felt():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.fix("motion_status", MotionStatus(1, "transport", False))
+    bench.hand(0.0)
+    bench.wait()
+    bench.finish()
+    assert bench.out("attempts")[0].reason == "lost_in_transport"
+
+
+def test_looks_again_when_nothing_can_be_done_and_counts_it():
+    bench = Bench(Look((REFUSED,)), Look(()), Stop("stopped: nothing", ()))
+    for step in range(3):
+        bench.look(step)
+    assert bench.asked == [(0, 0, 0), (1, 1, 1), (2, 1, 2)]
+    assert bench.out("outcome") == "stopped: nothing"
+    assert bench.out("executed_action") is None
+
+
+def test_a_hand_holds_what_is_about_as_wide_as_the_grasp():
+    assert holds(0.038, 0.04)
+    assert holds(0.0025, 0.003), "a thin wall"
+    assert not holds(0.001, 0.003)
+    assert not holds(0.01, 0.04)
+    assert not holds(0.1, 0.08), "the fingers never closed"
+
+
+def test_no_input_reaches_an_output_within_an_instant():
+    planner = Bench().planner
+    assert not planner.HasAnyDirectFeedthrough()
