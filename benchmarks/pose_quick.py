@@ -1,8 +1,7 @@
 """Pose accuracy and cost of the filter's presets on cluttered tables, in minutes: `python benchmarks/pose_quick.py`.
 
-Scenes are made without physics: objects rest on a random stable face of their convex hull (a quarter of them in any
-orientation, as if leaning), close together, some behind others. Depth goes through the sensor's noise model; boxes are
-those of the visible part, each side jittered by 10 %.
+Scenes are poured in simulation; their depth is rendered and goes through the sensor's noise model; boxes are those of
+the visible part, each side jittered by 10 %.
 """
 
 import argparse
@@ -11,15 +10,21 @@ import json
 import time
 
 import numpy as np
+from pydrake.multibody.parsing import LoadModelDirectives
+from pydrake.multibody.plant import MultibodyPlantConfig
 
+from sum_drake.assets import asset
 from sum_drake.filtering import FilterConfig, PoseEstimator, filter_config
-from sum_drake.geometry import apply, inverse, pose_error, rotation_from_quaternion, rotation_from_vector, transform
+from sum_drake.geometry import inverse, pose_error, transform
 from sum_drake.objects import Catalogue, load_catalogue
-from sum_drake.rendering import DepthRenderer, view_rotations
+from sum_drake.rendering import DepthRenderer
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, add_depth_noise, make_camera
+from sum_drake.systems.pouring import PouringConfig, pour
 from sum_drake.types import Array, Box, Frame, readonly
 
+DIRECTIVES = "package://sum_drake/scenes/sorting.dmd.yaml"
 TABLE = 0.70
+"""Height of the table's top in it, metres."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,22 +45,26 @@ def look_at(p_WC: Array, p_WT: Array) -> Array:
     return transform(np.stack([x, np.cross(z, x), z], -1), p_WC)
 
 
-def resting_rotation(vertices: Array, rng: np.random.Generator) -> Array:
-    """A rotation (3, 3) in which the mesh stands on a face of its convex hull, likelier the larger the face."""
-    import trimesh
-
-    if rng.random() < 0.25:
-        return rotation_from_quaternion(rng.normal(size=4))
-    hull = trimesh.Trimesh(vertices).convex_hull
-    face = rng.choice(len(hull.faces), p=hull.area_faces / hull.area)
-    down = np.swapaxes(view_rotations(-hull.face_normals[face][None])[0], 0, 1)
-    return rotation_from_vector(np.array([0.0, 0.0, rng.uniform(0, 2 * np.pi)])) @ down
-
-
-def make_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int, count: int) -> tuple[Frame, list[Instance]]:
-    """A noisy frame of `count` objects, and those of them of which at least 300 pixels are seen."""
+def pour_scene(catalogue: Catalogue, seed: int, count: int) -> dict[str, Array]:
+    """Poses by label of `count` objects of the catalogue, poured in simulation."""
     rng = np.random.default_rng([seed, 7])
     labels = [str(label) for label in rng.permutation(catalogue.labels)[:count]]
+    return pour(
+        objects=[catalogue[label] for label in labels],
+        directives=LoadModelDirectives(str(asset(DIRECTIVES))).directives,
+        plant_config=MultibodyPlantConfig(
+            time_step=0.004, contact_model="hydroelastic_with_fallback", discrete_contact_approximation="sap"
+        ),
+        config=PouringConfig(),
+        seed=seed,
+    )
+
+
+def observe_scene(
+    catalogue: Catalogue, renderer: DepthRenderer, X_WOs: dict[str, Array], seed: int
+) -> tuple[Frame, list[Instance]]:
+    """A noisy frame of objects on the table, and those of them of which at least 300 pixels are seen."""
+    rng = np.random.default_rng([seed, 8])
     camera = make_camera(HeadCameraConfig())
     X_WC = look_at(np.array([0.1, 0.0, 1.35]), np.array([0.6, 0.0, 0.72]))
     v, u = np.mgrid[: camera.height, : camera.width]
@@ -63,27 +72,8 @@ def make_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int, count: 
     table = (TABLE - X_WC[2, 3]) / rays[..., 2]
     depth = np.where(table > 0, table, 0.0)
     owner = np.full(depth.shape, -1)
-    placed: list[tuple[str, Array, Array, Array]] = []
-    for label in labels:
-        mesh = catalogue[label].load_mesh()
-        vertices = np.asarray(mesh.vertices)
-        for attempt in range(200):
-            R = resting_rotation(vertices, rng)
-            reach = 0.10 + 0.02 * count + 0.001 * attempt
-            p = np.array([0.62, 0.0, 0.0]) + rng.uniform(-reach, reach, 3) * [0.6, 0.8, 0]
-            p[2] = TABLE - (vertices @ R.T)[:, 2].min()
-            points_W = vertices @ R.T + p
-            # Boxes in the other's frame stand for the shapes: near enough for clutter that does not interpenetrate.
-            free = all(
-                not _meets(points_W, X, low, high) and not _meets(apply(X, _box(low, high)), transform(R, p),
-                                                                  vertices.min(0), vertices.max(0))
-                for _, X, low, high in placed
-            )  # fmt: skip
-            if free:
-                placed.append((label, transform(R, p), vertices.min(0), vertices.max(0)))
-                break
     alone = []
-    for i, (label, X_WO, _, _) in enumerate(placed):
+    for i, (label, X_WO) in enumerate(X_WOs.items()):
         z = renderer.depth(label, inverse(X_WC) @ X_WO, camera)
         alone.append(int((z > 0).sum()))
         nearer = (z > 0) & ((depth == 0) | (z < depth))
@@ -91,7 +81,7 @@ def make_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int, count: 
     noisy = add_depth_noise(depth.astype(np.float32), camera, rng, DepthNoiseConfig())
     frame = Frame(0, np.zeros((*depth.shape, 3), np.uint8), noisy, camera, readonly(X_WC))
     instances = []
-    for i, (label, X_WO, _, _) in enumerate(placed):
+    for i, (label, X_WO) in enumerate(X_WOs.items()):
         rows, columns = np.nonzero(owner == i)
         if len(rows) < 300:
             continue
@@ -103,16 +93,6 @@ def make_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int, count: 
     return frame, instances
 
 
-def _box(low: Array, high: Array) -> Array:
-    grid = np.stack(np.meshgrid(*np.linspace(low, high, 6).T, indexing="ij"), -1)
-    return grid.reshape(-1, 3)
-
-
-def _meets(points_W: Array, X_WO: Array, low: Array, high: Array) -> bool:
-    p = apply(inverse(X_WO), points_W)
-    return bool(((p > low + 0.004) & (p < high - 0.004)).all(axis=1).any())
-
-
 def evaluate(config: FilterConfig, seeds: range, count: int, *, verbose: bool = False) -> dict[str, float]:
     """Shares within (1 cm, 10), (2 cm, 20), (5 cm, 30 degrees), symmetry-aware, and CPU seconds an object."""
     catalogue = load_catalogue()
@@ -120,7 +100,7 @@ def evaluate(config: FilterConfig, seeds: range, count: int, *, verbose: bool = 
     estimator = PoseEstimator(catalogue, config)
     rows = []
     for seed in seeds:
-        frame, instances = make_scene(catalogue, renderer, seed, count)
+        frame, instances = observe_scene(catalogue, renderer, pour_scene(catalogue, seed, count), seed)
         for i, instance in enumerate(instances):
             rng = np.random.default_rng([seed, i, 1])
             estimator.warm(instance.label)
