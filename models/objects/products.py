@@ -14,6 +14,8 @@ from sum_drake.models.objects.shapes import (
     capsules,
     curve,
     cylinder,
+    ellipsoid,
+    hull,
     hulls,
     loft,
     revolve,
@@ -97,7 +99,7 @@ def tide() -> Product:
     front.text("TIDE", x, 0.087, 0.098, blue, WHITE)
     front.text("ORIGINAL", x, 0.047, 0.052, WHITE)
     front.rectangle(x - 0.03, 0.022, x + 0.03, 0.033, blue)
-    front.text("32 LOADS", x, 0.0275, 0.045, WHITE)
+    front.text("48 LOADS", x, 0.0275, 0.045, WHITE)
     back = Panel(width, 0.24, orange)
     back.band(0, 0.018, deep)
     back.rectangle(x - 0.05, 0.025, x + 0.05, 0.125, WHITE)
@@ -105,7 +107,7 @@ def tide() -> Product:
     back.small_print(x - 0.045, 0.103, 0.09, 9, 0.006, (90, 90, 100))
     back.barcode(x + 0.005, 0.028, 0.04, 0.02)
     return Product(
-        "tide", "cleaning", "none", 0.95, PACK + "1.36 l (46 fl oz) jug, 85 x 160 x 230 mm; half used",
+        "tide", "cleaning", "none", 0.95, PACK + "1.89 l (64 fl oz) jug, 85 x 160 x 230 mm; half used",
         [body, cap, handle],
         [*hulls(rows, [0.0, 0.112, 0.136], 16), *hulls(rows, [0.136, 0.188], 14),
          cylinder((0, -0.03, 0.186), (0, -0.03, 0.232), 0.0305), *capsules(grip[4:15], 4)],
@@ -317,7 +319,450 @@ def mug() -> Product:
     )  # fmt: skip
 
 
+def cracker_box() -> Product:
+    """A carton of crackers."""
+    x, y, z = 0.060, 0.158, 0.210
+    red, deep, gold, navy = (206, 38, 34), (160, 20, 24), (250, 200, 70), (24, 40, 96)
+    front = Panel(y, z, red)
+    front.polygon([(0, 0.115), (y, 0.150), (y, z), (0, z)], navy)
+    front.polygon([(0, 0.110), (y, 0.145), (y, 0.150), (0, 0.115)], gold)
+    front.text("CRISPS", y / 2, 0.176, 0.125, WHITE, deep)
+    front.text("golden butter crackers", y / 2 + 0.02, 0.151, 0.10, gold)
+    for cx, cy, r in ((0.050, 0.068, 0.034), (0.098, 0.078, 0.034), (0.082, 0.040, 0.034)):
+        front.ellipse(cx + 0.002, cy - 0.002, r, r, deep)
+        front.ellipse(cx, cy, r, r, (206, 140, 60))
+        front.ellipse(cx, cy, r * 0.93, r * 0.93, (240, 186, 96))
+        for k in range(7):
+            a = k * 2 * np.pi / 6
+            d = 0.0 if k == 6 else 0.58 * r
+            front.ellipse(cx + d * np.cos(a), cy + d * np.sin(a), 0.0018, 0.0018, (176, 112, 44))
+    front.text("NET WT 14.5 OZ (411 g)", y / 2, 0.010, 0.10, WHITE)
+    back = Panel(y, z, red)
+    back.band(0.150, z, navy)
+    back.text("SERVE WITH", y / 2, 0.180, 0.11, WHITE)
+    for k, words in enumerate(("cheese", "soup", "peanut butter")):
+        back.rectangle(0.012, 0.106 - 0.036 * k, y - 0.012, 0.138 - 0.036 * k, (252, 226, 160))
+        back.text(words, 0.066, 0.122 - 0.036 * k, 0.085, deep, tallest=0.012)
+        back.ellipse(y - 0.034, 0.122 - 0.036 * k, 0.012, 0.012, (236, 180, 90))
+    side = Panel(x, z, navy)
+    side.rectangle(0.006, 0.075, x - 0.006, 0.195, WHITE)
+    side.text("NUTRITION FACTS", x / 2, 0.187, 0.042, BLACK)
+    side.small_print(0.010, 0.176, 0.038, 16, 0.006, (60, 60, 60))
+    side.barcode(0.010, 0.02, 0.040, 0.03)
+    lid = Panel(y, x, red)
+    lid.text("CRISPS", y / 2, x / 2, 0.11, WHITE, deep)
+    base = Panel(y, x, (196, 176, 150))
+    base.barcode(0.05, 0.015, 0.05, 0.03)
+    return panel_box(
+        "cracker_box", (x, y, z), 0.0025, box_wrap(front, side, back, side), lid, base, "non-cleaning", 0.411,
+        YCB + "003_cracker_box, 60 x 158 x 210 mm, 411 g",
+    )  # fmt: skip
+
+
+def downy() -> Product:
+    """A waisted fabric softener bottle with a large cup for a cap."""
+    outline: list[Section] = [
+        (0.000, 0.0310, 0.0520, 2.8, 0, 0), (0.003, 0.0350, 0.0570, 2.8, 0, 0), (0.012, 0.0385, 0.0600, 2.8, 0, 0),
+        (0.060, 0.0390, 0.0600, 2.8, 0, 0), (0.100, 0.0370, 0.0520, 2.6, 0, 0), (0.132, 0.0345, 0.0420, 2.4, 0, 0),
+        (0.160, 0.0365, 0.0460, 2.4, 0, 0), (0.180, 0.0365, 0.0455, 2.3, 0, 0), (0.196, 0.0300, 0.0330, 2.1, 0, 0),
+        (0.202, 0.0250, 0.0250, 2.0, 0, 0), (0.206, 0.0250, 0.0250, 2.0, 0, 0),
+    ]  # fmt: skip
+    rows = smooth(outline, 26)
+    body = stack(rows, "body", 44)
+    cap_rows: list[Section] = [
+        (0.2035, 0.0290, 0.0290, 2.0, 0, 0), (0.205, 0.0305, 0.0305, 2.0, 0, 0), (0.211, 0.0305, 0.0305, 2.0, 0, 0),
+        (0.2125, 0.0285, 0.0285, 2.0, 0, 0), (0.240, 0.0270, 0.0270, 2.0, 0, 0), (0.245, 0.0235, 0.0235, 2.0, 0, 0),
+    ]  # fmt: skip
+    cap = stack(cap_rows, "cap", 36, top="cap_top")
+    sky, royal, pink, soft = (92, 168, 226), (34, 82, 178), (238, 132, 176), (214, 236, 250)
+    width, height = perimeter(body) / 2, 0.218
+    x = width / 2
+    front = Panel(width, height, sky)
+    front.ellipse(x, 0.020, 0.085, 0.040, (134, 194, 238))
+    front.ellipse(x, 0.076, 0.050, 0.032, soft)
+    front.ellipse(x, 0.076, 0.047, 0.029, WHITE)
+    front.text("Downy", x, 0.080, 0.080, royal)
+    front.text("APRIL FRESH", x, 0.058, 0.052, pink)
+    for cx, cy, r in ((x - 0.018, 0.158, 0.014), (x + 0.016, 0.144, 0.011), (x + 0.010, 0.176, 0.009)):
+        for k in range(5):
+            a = np.pi / 2 + k * 2 * np.pi / 5
+            front.ellipse(cx + 0.55 * r * np.cos(a), cy + 0.55 * r * np.sin(a), 0.5 * r, 0.36 * r, pink, np.degrees(a))
+        front.ellipse(cx, cy, 0.25 * r, 0.25 * r, (252, 220, 90))
+    front.text("1.02 L", x, 0.028, 0.034, WHITE)
+    back = Panel(width, height, sky)
+    back.rectangle(x - 0.040, 0.022, x + 0.040, 0.110, WHITE)
+    back.text("HOW TO USE", x, 0.101, 0.05, royal)
+    back.small_print(x - 0.035, 0.090, 0.070, 7, 0.006, (90, 100, 120))
+    back.barcode(x - 0.018, 0.025, 0.036, 0.018)
+    return Product(
+        "downy", "cleaning", "twofold_z", 0.80,
+        PACK + "1.02 l (34 fl oz) bottle, 80 x 120 x 245 mm; three quarters full",
+        [body, cap],
+        [*hulls(rows, [0.0, 0.060, 0.132, 0.160, 0.206], 14), cylinder((0, 0, 0.2035), (0, 0, 0.245), 0.029)],
+        {
+            "body": (BODY, around(front, back)), "cap": (STRIP[0], ribbed(royal, (24, 60, 140))),
+            "cap_top": (STRIP[1], pink),
+        },
+    )  # fmt: skip
+
+
+def clorox() -> Product:
+    """A rounded bleach jug; the handle loops from the shoulder to the body."""
+    outline: list[Section] = [
+        (0.000, 0.0350, 0.0530, 2.8, 0, 0), (0.003, 0.0395, 0.0580, 2.8, 0, 0), (0.010, 0.0420, 0.0610, 2.8, 0, 0),
+        (0.118, 0.0420, 0.0610, 2.8, 0, 0), (0.134, 0.0415, 0.0580, 2.7, 0, -0.003),
+        (0.150, 0.0400, 0.0450, 2.5, 0, -0.016), (0.168, 0.0375, 0.0390, 2.3, 0, -0.021),
+        (0.200, 0.0310, 0.0320, 2.1, 0, -0.021), (0.222, 0.0210, 0.0210, 2.0, 0, -0.021),
+        (0.232, 0.0190, 0.0190, 2.0, 0, -0.021), (0.240, 0.0190, 0.0190, 2.0, 0, -0.021),
+    ]  # fmt: skip
+    rows = smooth(outline, 26)
+    body = stack(rows, "body")
+    cap_rows: list[Section] = [
+        (0.2300, 0.0215, 0.0215, 2.0, 0, -0.021), (0.2320, 0.0230, 0.0230, 2.0, 0, -0.021),
+        (0.2620, 0.0220, 0.0220, 2.0, 0, -0.021), (0.2650, 0.0200, 0.0200, 2.0, 0, -0.021),
+    ]  # fmt: skip
+    cap = stack(cap_rows, "cap", 32, top="cap_top")
+    grip = curve(
+        [(0, -0.010, 0.205, 0.013, 0.010), (0, 0.018, 0.209, 0.0125, 0.010), (0, 0.040, 0.196, 0.012, 0.0095),
+         (0, 0.047, 0.170, 0.012, 0.0095), (0, 0.047, 0.145, 0.012, 0.0095), (0, 0.044, 0.122, 0.013, 0.010)], 20,
+    )  # fmt: skip
+    handle = sweep(grip, "handle", 16)
+    white, blue, red, green = (240, 241, 240), (20, 70, 160), (214, 36, 48), (60, 150, 80)
+    width, height = perimeter(body) / 2, 0.25
+    x = width / 2 - 0.004
+    front = Panel(width, height, white)
+    front.band(0.020, 0.110, blue)
+    front.band(0.016, 0.020, red)
+    front.band(0.110, 0.114, red)
+    front.polygon([(x - 0.045, 0.066), (x, 0.104), (x + 0.045, 0.066), (x, 0.028)], WHITE)
+    front.polygon([(x - 0.040, 0.066), (x, 0.1), (x + 0.040, 0.066), (x, 0.032)], red)
+    front.rectangle(x - 0.052, 0.053, x + 0.052, 0.079, WHITE)
+    front.text("CLOROX", x, 0.066, 0.096, blue)
+    front.text("BLEACH", x, 0.043, 0.030, WHITE, tallest=0.007)
+    front.text("1.27 L", x + 0.042, 0.027, 0.024, WHITE)
+    back = Panel(width, height, white)
+    back.band(0.020, 0.110, blue)
+    back.rectangle(x - 0.045, 0.026, x + 0.045, 0.104, WHITE)
+    back.text("DANGER: CORROSIVE", x, 0.096, 0.08, red)
+    back.small_print(x - 0.040, 0.086, 0.080, 7, 0.006, (90, 90, 100))
+    back.barcode(x, 0.028, 0.036, 0.018)
+    return Product(
+        "clorox", "cleaning", "none", 0.90, PACK + "1.27 l (43 fl oz) jug, 85 x 120 x 265 mm; two thirds full",
+        [body, cap, handle],
+        [*hulls(rows, [0.0, 0.134, 0.168, 0.222], 14), cylinder((0, -0.021, 0.222), (0, -0.021, 0.265), 0.0225),
+         *capsules(grip[4:18], 4)],
+        {
+            "body": (BODY, around(front, back)),
+            "cap": (STRIP[0], ribbed(blue, (12, 44, 110))),
+            "cap_top": (STRIP[1], green),
+            "handle": (STRIP[2], white),
+        },
+    )  # fmt: skip
+
+
+def spray_bottle() -> Product:
+    """A window cleaner: oval bottle, thin neck, trigger head with its nozzle along +y."""
+    outline: list[Section] = [
+        (0.000, 0.0260, 0.0450, 2.6, 0, 0), (0.003, 0.0300, 0.0495, 2.6, 0, 0), (0.010, 0.0325, 0.0525, 2.6, 0, 0),
+        (0.050, 0.0325, 0.0525, 2.6, 0, 0), (0.090, 0.0310, 0.0460, 2.5, 0, 0), (0.130, 0.0290, 0.0400, 2.4, 0, 0),
+        (0.158, 0.0260, 0.0350, 2.3, 0, 0), (0.178, 0.0180, 0.0210, 2.1, 0, 0), (0.190, 0.0130, 0.0130, 2.0, 0, 0),
+        (0.206, 0.0130, 0.0130, 2.0, 0, 0),
+    ]  # fmt: skip
+    rows = smooth(outline, 26)
+    body = stack(rows, "body", 44)
+    collar = stack(
+        [(0.196, 0.0155, 0.0155, 2.0, 0, 0), (0.198, 0.0165, 0.0165, 2.0, 0, 0), (0.215, 0.0160, 0.0160, 2.0, 0, 0),
+         (0.217, 0.0145, 0.0145, 2.0, 0, 0)], "collar", 28,
+    )  # fmt: skip
+    stem = stack(
+        [(0.213, 0.0120, 0.0130, 3.0, 0, 0), (0.226, 0.0115, 0.0125, 3.0, 0, 0), (0.244, 0.0115, 0.0140, 3.0, 0, 0)],
+        "head", 24,
+    )  # fmt: skip
+    # Path rows: position, half-extent across (x), half-extent along the normal.
+    shroud_path = curve(
+        [(0, -0.034, 0.243, 0.0110, 0.0085), (0, -0.020, 0.249, 0.0130, 0.0135), (0, 0.005, 0.253, 0.0135, 0.0155),
+         (0, 0.028, 0.256, 0.0120, 0.0130), (0, 0.042, 0.257, 0.0110, 0.0110)], 16,
+    )  # fmt: skip
+    shroud = sweep(shroud_path, "head", 20)
+    nozzle_path = np.array(
+        [[0, y, 0.257, r, r] for y, r in ((0.040, 0.0085), (0.0405, 0.0095), (0.054, 0.0090), (0.0545, 0.0080))]
+    )
+    nozzle = sweep(nozzle_path, "nozzle", 20)
+    lever_path = curve(
+        [(0, 0.020, 0.250, 0.0065, 0.0040), (0, 0.030, 0.236, 0.0065, 0.0038), (0, 0.034, 0.222, 0.0062, 0.0034),
+         (0, 0.032, 0.208, 0.0060, 0.0030), (0, 0.037, 0.197, 0.0055, 0.0028)], 14,
+    )  # fmt: skip
+    lever = sweep(lever_path, "nozzle", 14)
+    aqua, deep, red, navy = (64, 176, 214), (30, 120, 178), (220, 52, 44), (18, 44, 110)
+    width, height = perimeter(body) / 2, 0.218
+    x = width / 2
+    front = Panel(width, height, aqua)
+    front.polygon([(x - 0.040, 0.020), (x + 0.040, 0.020), (x + 0.034, 0.120), (x, 0.138), (x - 0.034, 0.120)], WHITE)
+    front.band(0.0, 0.010, deep)
+    front.rectangle(x - 0.038, 0.070, x + 0.038, 0.100, navy)
+    front.text("GLINT", x, 0.085, 0.064, WHITE)
+    front.text("glass cleaner", x, 0.058, 0.058, navy)
+    front.burst(x + 0.020, 0.114, 0.012, 0.003, 4, (120, 200, 236))
+    front.burst(x - 0.012, 0.120, 0.008, 0.002, 4, (120, 200, 236))
+    front.rectangle(x - 0.036, 0.026, x + 0.036, 0.042, red)
+    front.text("NO STREAKS", x, 0.034, 0.056, WHITE)
+    back = Panel(width, height, aqua)
+    back.band(0.0, 0.010, deep)
+    back.rectangle(x - 0.034, 0.022, x + 0.034, 0.120, (236, 244, 248))
+    back.small_print(x - 0.029, 0.112, 0.058, 10, 0.006, (70, 90, 110))
+    back.barcode(x - 0.018, 0.025, 0.036, 0.018)
+    return Product(
+        "spray_bottle", "cleaning", "none", 0.55, YCB + "022_windex_bottle, 105 x 270 mm; half used",
+        [body, collar, stem, shroud, nozzle, lever],
+        [*hulls(rows, [0.0, 0.090, 0.158, 0.206], 14), cylinder((0, 0, 0.196), (0, 0, 0.217), 0.0160),
+         box((0.023, 0.026, 0.030), (0, 0, 0.229)), hull(shroud.vertices[::3]),
+         cylinder((0, 0.040, 0.257), (0, 0.0545, 0.257), 0.0093), *capsules(lever_path[2:], 2)],
+        {
+            "body": (BODY, around(front, back)), "collar": (STRIP[0], ribbed(red, (160, 30, 26))),
+            "head": (STRIP[1], (236, 238, 240)), "nozzle": (STRIP[2], red),
+        },
+    )  # fmt: skip
+
+
+def ranch() -> Product:
+    """A salad dressing bottle: broad shoulders, waisted for the hand, flip cap."""
+    outline: list[Section] = [
+        (0.000, 0.0240, 0.0330, 2.6, 0, 0), (0.003, 0.0270, 0.0370, 2.6, 0, 0), (0.010, 0.0295, 0.0395, 2.6, 0, 0),
+        (0.034, 0.0300, 0.0400, 2.6, 0, 0), (0.060, 0.0270, 0.0350, 2.5, 0, 0), (0.078, 0.0265, 0.0340, 2.4, 0, 0),
+        (0.105, 0.0295, 0.0385, 2.5, 0, 0), (0.126, 0.0295, 0.0390, 2.5, 0, 0), (0.146, 0.0240, 0.0300, 2.2, 0, 0),
+        (0.160, 0.0175, 0.0190, 2.0, 0, 0), (0.168, 0.0165, 0.0165, 2.0, 0, 0),
+    ]  # fmt: skip
+    rows = smooth(outline, 26)
+    body = stack(rows, "body", 40)
+    cap_rows: list[Section] = [
+        (0.1660, 0.0190, 0.0190, 2.0, 0, 0), (0.1675, 0.0200, 0.0200, 2.0, 0, 0), (0.1830, 0.0195, 0.0195, 2.0, 0, 0),
+        (0.1845, 0.0180, 0.0180, 2.0, 0, 0), (0.1935, 0.0165, 0.0165, 2.0, 0, 0), (0.1960, 0.0145, 0.0145, 2.0, 0, 0),
+    ]  # fmt: skip
+    cap = stack(cap_rows, "cap", 32, top="cap_top")
+    cream, green, leaf, wine = (246, 240, 222), (44, 110, 54), (112, 172, 70), (146, 36, 60)
+    width, height = perimeter(body) / 2, 0.182
+    x = width / 2
+    front = Panel(width, height, cream)
+    front.band(0.016, 0.112, green)
+    front.band(0.1, 0.108, leaf)
+    front.band(0.02, 0.028, leaf)
+    front.ellipse(x, 0.068, 0.040, 0.024, cream)
+    front.text("RANCH", x, 0.072, 0.062, wine)
+    front.text("dressing", x, 0.053, 0.034, green)
+    for k, (dx, angle) in enumerate(((-0.020, 130), (-0.012, 105), (0.012, 75), (0.020, 50))):
+        front.ellipse(x + dx, 0.134 - 0.003 * (k in (0, 3)), 0.011, 0.0045, leaf, angle)
+    front.ellipse(x, 0.131, 0.009, 0.009, (214, 54, 44))
+    front.text("473 ml", x, 0.035, 0.024, WHITE)
+    back = Panel(width, height, cream)
+    back.band(0.016, 0.112, green)
+    back.rectangle(x - 0.032, 0.026, x + 0.032, 0.102, WHITE)
+    back.small_print(x - 0.028, 0.095, 0.056, 8, 0.006, (90, 90, 80))
+    back.barcode(x - 0.016, 0.028, 0.032, 0.016)
+    lid = ribbed(green, (30, 78, 40), 30)
+    return Product(
+        "ranch", "non-cleaning", "twofold_z", 0.42, PACK + "473 ml (16 fl oz) bottle, 60 x 80 x 195 mm; mostly full",
+        [body, cap],
+        [*hulls(rows, [0.0, 0.034, 0.078, 0.126, 0.168], 14), cylinder((0, 0, 0.166), (0, 0, 0.196), 0.0190)],
+        {"body": (BODY, around(front, back)), "cap": (STRIP[0], lid), "cap_top": (STRIP[1], leaf)},
+    )  # fmt: skip
+
+
+def mustard() -> Product:
+    """A squeeze bottle with a pointed cap."""
+    outline: list[Section] = [
+        (0.000, 0.0230, 0.0410, 2.6, 0, 0), (0.003, 0.0265, 0.0450, 2.6, 0, 0), (0.010, 0.0290, 0.0475, 2.6, 0, 0),
+        (0.060, 0.0290, 0.0475, 2.6, 0, 0), (0.105, 0.0285, 0.0440, 2.5, 0, 0), (0.128, 0.0250, 0.0340, 2.3, 0, 0),
+        (0.140, 0.0190, 0.0220, 2.1, 0, 0), (0.146, 0.0160, 0.0160, 2.0, 0, 0), (0.152, 0.0160, 0.0160, 2.0, 0, 0),
+    ]  # fmt: skip
+    rows = smooth(outline, 24)
+    body = stack(rows, "body", 44)
+    cap_rows: list[Section] = [
+        (0.149, 0.0180, 0.0180, 2.0, 0, 0), (0.150, 0.0190, 0.0190, 2.0, 0, 0), (0.162, 0.0185, 0.0185, 2.0, 0, 0),
+        (0.164, 0.0165, 0.0165, 2.0, 0, 0), (0.168, 0.0090, 0.0090, 2.0, 0, 0), (0.186, 0.0050, 0.0050, 2.0, 0, 0),
+        (0.190, 0.0035, 0.0035, 2.0, 0, 0),
+    ]  # fmt: skip
+    cap = stack(cap_rows, "cap", 32)
+    yellow, amber, red, dark = (250, 204, 30), (226, 164, 10), (208, 34, 36), (60, 40, 20)
+    width, height = perimeter(body) / 2, 0.165
+    x = width / 2
+    front = Panel(width, height, yellow)
+    front.ellipse(x, 0.074, 0.043, 0.042, red)
+    front.ellipse(x, 0.074, 0.040, 0.039, WHITE)
+    front.ellipse(x, 0.074, 0.037, 0.036, red)
+    front.rectangle(x - 0.052, 0.062, x + 0.052, 0.086, WHITE)
+    front.text("MUSTARD", x, 0.074, 0.094, red)
+    front.text("CLASSIC", x, 0.096, 0.040, WHITE)
+    front.text("YELLOW", x, 0.052, 0.036, yellow)
+    front.band(0.0, 0.010, amber)
+    front.text("567 g", x, 0.022, 0.022, dark)
+    back = Panel(width, height, yellow)
+    back.band(0.0, 0.010, amber)
+    back.rectangle(x - 0.036, 0.020, x + 0.036, 0.112, WHITE)
+    back.small_print(x - 0.031, 0.104, 0.062, 10, 0.006, (110, 90, 40))
+    back.barcode(x - 0.016, 0.024, 0.036, 0.018)
+    lid = Panel(0.12, 0.06, yellow)
+    lid.band(0.014, 0.0155, amber)
+    lid.band(0.052, 0.06, red)
+    return Product(
+        "mustard", "non-cleaning", "twofold_z", 0.603, YCB + "006_mustard_bottle, 58 x 95 x 190 mm, 603 g",
+        [body, cap], [*hulls(rows, [0.0, 0.060, 0.105, 0.152], 14), *hulls(cap_rows, [0.149, 0.164], 12),
+                      *hulls(cap_rows, [0.164, 0.190], 10)],
+        {"body": (BODY, around(front, back)), "cap": (STRIP[0], lid)},
+    )  # fmt: skip
+
+
+def waterpot() -> Product:
+    """An indoor watering pot: an open can, a long spout along +y, a loop of a handle."""
+    profile = [(0.036, 0.0), (0.0405, 0.001), (0.042, 0.004), (0.0415, 0.030), (0.0405, 0.060), (0.0395, 0.090),
+               (0.0390, 0.104), (0.0402, 0.107), (0.0402, 0.110), (0.0375, 0.111), (0.0368, 0.104), (0.0372, 0.080),
+               (0.0380, 0.050), (0.0388, 0.020), (0.0370, 0.005), (0.030, 0.004)]  # fmt: skip
+    body = revolve(profile, "body", 48)
+    spout_path = curve(
+        [(0, 0.0395, 0.022, 0.0105, 0.0105), (0, 0.068, 0.036, 0.0095, 0.0095), (0, 0.094, 0.072, 0.0080, 0.0080),
+         (0, 0.112, 0.108, 0.0070, 0.0070), (0, 0.136, 0.130, 0.0065, 0.0065)], 24,
+    )  # fmt: skip
+    spout = sweep(spout_path, "spout", 18)
+    end = spout_path[-1, :3]
+    along = spout_path[-1, :3] - spout_path[-3, :3]
+    along /= np.linalg.norm(along)
+    flare = ((-0.004, 0.0072), (0.006, 0.0120), (0.014, 0.0180), (0.018, 0.0185), (0.020, 0.0160))
+    rose_path = np.array([[*(end + d * along), r, r] for d, r in flare])
+    rose = sweep(rose_path, "rose", 24, top="sieve")
+    grip = curve(
+        [(0, -0.0385, 0.098, 0.0085, 0.0055), (0, -0.060, 0.108, 0.0085, 0.0055), (0, -0.084, 0.094, 0.0085, 0.0055),
+         (0, -0.086, 0.066, 0.0085, 0.0055), (0, -0.068, 0.038, 0.0085, 0.0055), (0, -0.0402, 0.026, 0.0085, 0.0055)],
+        22,
+    )  # fmt: skip
+    handle = sweep(grip, "handle", 14)
+    green, dark, cream, coral = (70, 148, 96), (40, 104, 66), (246, 240, 224), (232, 110, 84)
+    length = float(np.linalg.norm(np.diff(np.array(profile), axis=0), axis=1).sum())
+    width = float(np.pi * 0.041)
+    front = Panel(width, length, green)
+    front.band(0.006, 0.016, cream)
+    front.band(0.103, 0.122, cream)
+    front.band(0.122, length, dark)
+    for k in range(5):
+        cx, cy = (k + 0.5) * width / 5, 0.062 + (0.012 if k % 2 else -0.006)
+        front.line([(cx, 0.016), (cx + 0.003, 0.036), (cx, cy)], 0.0022, dark)
+        front.ellipse(cx + 0.006, 0.036, 0.007, 0.003, dark, 40)
+        for j in range(6):
+            a = j * np.pi / 3
+            petal = cream if k % 2 else coral
+            front.ellipse(cx + 0.0055 * np.cos(a), cy + 0.0055 * np.sin(a), 0.005, 0.0032, petal, np.degrees(a))
+        front.ellipse(cx, cy, 0.0034, 0.0034, (250, 206, 80))
+    sieve = Panel(0.04, 0.04, cream)
+    for k in range(19):
+        r = 0.0 if k == 0 else 0.007 if k < 7 else 0.0135
+        a = k * np.pi / 3 if k < 7 else k * np.pi / 6
+        sieve.ellipse(0.02 + r * np.cos(a), 0.02 + r * np.sin(a), 0.0013, 0.0013, BLACK)
+    return Product(
+        "waterpot", "non-cleaning", "none", 0.25,
+        PACK + "0.5 l indoor watering can, 85 x 240 x 150 mm; a little water left",
+        [body, spout, rose, handle],
+        [cylinder((0, 0, 0), (0, 0, 0.006), 0.0415), *wedges(0.0380, 0.0415, 0.005, 0.111, 6),
+         *capsules(spout_path[2:21], 3), hull(rose.vertices), *capsules(grip[2:20], 3)],
+        {
+            "body": (BODY, around(front)), "spout": (STRIP[0], green), "rose": (STRIP[1], cream),
+            "sieve": (STRIP[2], sieve), "handle": (STRIP[3], coral),
+        },
+        modulus=2e6,
+    )  # fmt: skip
+
+
+def toy() -> Product:
+    """A bath duck with a red scarf, looking along +x."""
+    angle = np.linspace(-0.93, np.pi / 2, 15)[:-1]
+    rows: list[Section] = [
+        (0.036 + 0.040 * float(np.sin(a)), 0.052 * float(np.cos(a)), 0.0425 * float(np.cos(a)), 2.2, 0.0, 0.0)
+        for a in angle
+    ]
+    body = stack(rows, "body", 36)
+    tail_path = curve(
+        [(-0.036, 0, 0.044, 0.022, 0.014), (-0.050, 0, 0.054, 0.016, 0.010), (-0.058, 0, 0.064, 0.008, 0.005),
+         (-0.061, 0, 0.070, 0.003, 0.002)], 8,
+    )  # fmt: skip
+    tail = sweep(tail_path, "plain", 16, across=(0.0, 1.0, 0.0))
+    head = ellipsoid((0.022, 0.0, 0.088), (0.0275, 0.0265, 0.0265), "head", 28, 16)
+    scarf = ellipsoid((0.018, 0.0, 0.0665), (0.0255, 0.0245, 0.0055), "scarf", 28, 8)
+    upper = ellipsoid((0.0490, 0.0, 0.0855), (0.0150, 0.0125, 0.0045), "beak", 20, 8)
+    lower = ellipsoid((0.0470, 0.0, 0.0800), (0.0120, 0.0105, 0.0040), "beak", 20, 8)
+    wings = [
+        ellipsoid((-0.006, side * 0.0385, 0.046), (0.0290, 0.0090, 0.0185), "wing", 20, 10) for side in (-1.0, 1.0)
+    ]
+    yellow, shade, orange, red = (252, 212, 44), (236, 178, 24), (244, 124, 28), (206, 36, 48)
+    skin = Panel(0.30, 0.09, yellow)
+    skin.band(0, 0.016, shade)
+    for k in range(16):
+        skin.ellipse((k + 0.5) * 0.30 / 16, 0.016, 0.0095, 0.008, yellow)
+    face = Panel(0.17, 0.075, yellow)
+    for side in (-1, 1):
+        eye = 0.085 + side * 0.0195
+        face.ellipse(eye, 0.0475, 0.0066, 0.0085, WHITE)
+        face.ellipse(eye - side * 0.0012, 0.0475, 0.0046, 0.0062, BLACK)
+        face.ellipse(eye - side * 0.0025, 0.0500, 0.0015, 0.0019, WHITE)
+        face.ellipse(0.085 + side * 0.031, 0.034, 0.0070, 0.0048, (250, 176, 60))
+    cloth = Panel(0.16, 0.03, red)
+    for k in range(16):
+        cloth.ellipse((k + 0.5) * 0.01, 0.010 if k % 2 else 0.020, 0.0019, 0.0019, WHITE)
+    feathers = Panel(0.12, 0.04, shade)
+    for k in range(3):
+        feathers.wave(0.010 + 0.009 * k, 0.0025, 0.015, 0.0018, (206, 140, 10))
+    return Product(
+        "toy", "non-cleaning", "none", 0.09, "our own design, the size of a large bath duck",
+        [body, tail, head, scarf, upper, lower, *wings],
+        [*hulls(rows, [rows[0][0], rows[-1][0]], 14), hull(head.vertices[::3]),
+         hull(np.concatenate([upper.vertices, lower.vertices])[::3]), hull(tail.vertices),
+         hull(scarf.vertices[::3]), *(hull(wing.vertices[::3]) for wing in wings)],
+        {
+            "body": ((0, 0, 512, 150), skin), "head": ((0, 150, 512, 226), face), "scarf": ((0, 376, 512, 64), cloth),
+            "wing": ((0, 440, 256, 72), feathers), "beak": ((256, 440, 128, 72), orange),
+            "plain": ((384, 440, 128, 72), yellow),
+        },
+        modulus=1e6,
+    )  # fmt: skip
+
+
+def banana() -> Product:
+    """A banana lying on its side: bent in its x-y plane, stem towards +y."""
+    bend = np.radians(np.array([-42, -38, -33, -24, -8, 10, 26, 36, 42, 48, 52]))
+    radius = np.array([0.0050, 0.0085, 0.0130, 0.0165, 0.0180, 0.0180, 0.0165, 0.0130, 0.0085, 0.0060, 0.0062])
+    R = 0.113
+    knots = [
+        (R * float(np.cos(a)), R * float(np.sin(a)), 0.0, float(r), float(0.94 * r))
+        for a, r in zip(bend, radius, strict=True)
+    ]
+    path = curve(knots, 34)
+    part = sweep(path, "peel", 20, across=(0.0, 0.0, 1.0))
+    yellow, ridge, green, brown = (248, 210, 60), (226, 180, 40), (170, 180, 60), (84, 58, 30)
+    # u runs round the banana, v from the tip to the stem.
+    peel = Panel(0.10, 0.19, yellow, 2500.0)
+    for k in range(5):
+        peel.rectangle(0.0175 * k + 0.012, 0.0, 0.0175 * k + 0.0145, 0.19, ridge)
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        px, py = rng.uniform((0, 0.02), (0.1, 0.16))
+        peel.ellipse(px, py, rng.uniform(0.0003, 0.001), rng.uniform(0.0006, 0.003), (176, 128, 40))
+    peel.band(0.158, 0.172, green)
+    peel.band(0.172, 0.19, (140, 120, 50))
+    peel.band(0.186, 0.19, brown)
+    peel.band(0.0, 0.010, brown)
+    peel.band(0.010, 0.015, (190, 150, 50))
+    for at in (0.0, 0.1):
+        peel.ellipse(at, 0.095, 0.0085, 0.011, (30, 90, 170))
+    peel.ellipse(0.05, 0.095, 0.0085, 0.011, (30, 90, 170))
+    peel.text("SOL", 0.05, 0.095, 0.012, (255, 220, 60))
+    return Product(
+        "banana", "non-cleaning", "none", 0.12, YCB + "011_banana, 36 x 190 mm; mass of a real one",
+        [part], capsules(path[2:-1], 6),
+        {"peel": ((0, 0, 512, 512), peel)},
+        modulus=2e6,
+    )  # fmt: skip
+
+
 PRODUCTS: dict[str, Callable[[], Product]] = {
     make.__name__: make
-    for make in (tide, scotch_brite, shampoo, sugar, mug, soup_can)
+    for make in (
+        tide, downy, clorox, spray_bottle, scotch_brite, shampoo, sugar, ranch, waterpot, toy,
+        mug, soup_can, cracker_box, mustard, banana,
+    )
 }  # fmt: skip
