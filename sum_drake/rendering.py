@@ -280,7 +280,7 @@ def see_surface(
 
 
 def predicted_box(vertices: Array, X_WO: Array, frame: Frame) -> Box:
-    """The box around the projection of an object's vertices (v, 3) at X_WO (4, 4), cut at the picture's edges.
+    """The box around the pixel centres within the projection of vertices (v, 3) at X_WO (4, 4), cut at the picture.
 
     Empty (0, 0, 0, 0) when the object is out of the picture or reaches behind the camera.
     """
@@ -290,12 +290,11 @@ def predicted_box(vertices: Array, X_WO: Array, frame: Frame) -> Box:
         return 0.0, 0.0, 0.0, 0.0
     u = camera.fx * p_C[:, 0] / p_C[:, 2] + camera.cx
     v = camera.fy * p_C[:, 1] / p_C[:, 2] + camera.cy
-    # A pixel with centre i is covered from i - .5 to i + .5.
-    left, right = np.clip([u.min() + 0.5, u.max() + 0.5], 0, camera.width)
-    top, bottom = np.clip([v.min() + 0.5, v.max() + 0.5], 0, camera.height)
-    if left >= right or top >= bottom:
+    left, right = max(np.ceil(u.min()), 0.0), min(np.floor(u.max()), camera.width - 1.0)
+    top, bottom = max(np.ceil(v.min()), 0.0), min(np.floor(v.max()), camera.height - 1.0)
+    if left > right or top > bottom:
         return 0.0, 0.0, 0.0, 0.0
-    return float(left), float(top), float(right - left), float(bottom - top)
+    return float(left), float(top), float(right - left + 1), float(bottom - top + 1)
 
 
 def view_rotations(directions: Array) -> Array:
