@@ -45,8 +45,8 @@ def label_color(label: str, catalogue: "Catalogue") -> Color:
 def draw_perception(perception: Perception, catalogue: "Catalogue", *, scale: int = 2) -> Image:
     """The picture of an observation with what was made of it, (scale h, scale w, 3) RGB.
 
-    Thin boxes are detections. Filled outlines with axes are accepted tracks, thin outlines rejected ones; each carries
-    its label and probability.
+    Thin boxes are detections. Filled outlines with axes are accepted tracks, dashed outlines rejected ones; each
+    carries its label and probability.
     """
     frame = perception.frame
     image = np.asarray(cv2.resize(frame.color, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
@@ -74,8 +74,9 @@ def draw_depth(depth: NDArray[np.float32]) -> Image:
     valid = depth > 0
     if not valid.any():
         return np.zeros((*depth.shape, 3), np.uint8)
-    near, far = np.percentile(depth[valid], [1, 99])
-    level = np.clip(255 * (far - depth) / max(far - near, 1e-6), 0, 255).astype(np.uint8)
+    # By rank rather than by value: what stands on the table differs little in depth from the table.
+    level = np.zeros(depth.shape, np.uint8)
+    level[valid] = 255 - (255 * np.searchsorted(np.sort(depth[valid]), depth[valid]) / valid.sum()).astype(np.uint8)
     colors = cv2.cvtColor(cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
     colors[~valid] = 0
     return np.asarray(colors, np.uint8)
@@ -110,8 +111,11 @@ class _Canvas:
         if strong:
             inside = mask > 0
             self.image[inside] = (0.75 * self.image[inside] + 0.25 * np.array(color)).astype(np.uint8)
-        cv2.drawContours(self.image, contours, -1, (0, 0, 0), 4 if strong else 3, cv2.LINE_AA)
-        cv2.drawContours(self.image, contours, -1, color, 2 if strong else 1, cv2.LINE_AA)
+            cv2.drawContours(self.image, contours, -1, (0, 0, 0), 4, cv2.LINE_AA)
+            cv2.drawContours(self.image, contours, -1, color, 2, cv2.LINE_AA)
+        else:
+            dashes = [contour[i : i + 8] for contour in contours for i in range(0, len(contour), 14)]
+            cv2.polylines(self.image, dashes, False, color, 2, cv2.LINE_AA)
 
     def axes(self, X_CO: Array, length: float = 0.05) -> None:
         """x red, y green, z blue."""
@@ -138,8 +142,9 @@ class _Canvas:
         while any(x < x1 + w1 and x1 < x + width and y < y1 + h1 and y1 < y + height for x1, y1, w1, h1 in self._tags):
             y += 2
         self._tags.append((x, y, width, height))
-        dark = (24, 24, 24)
-        background, ink = (color, dark) if track.accepted else (dark, color)
+        dark, bright = (24, 24, 24), (255, 255, 255)
+        background = color if track.accepted else dark
+        ink = dark if np.dot(background, (0.299, 0.587, 0.114)) > 110 else bright
         cv2.rectangle(self.image, (x, y), (x + width, y + height), background, cv2.FILLED)
         at = (x + 4, y + height - baseline - 1)
         cv2.putText(self.image, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, ink, 1, cv2.LINE_AA)
@@ -212,14 +217,15 @@ def _read_run(folder: Path) -> _Run:
     try:
         record = read_what_there_is(folder / "run.mcap")
         if record.problem is not None:
-            problems.append(f"The run log ends early ({record.problem}). What is below was read up to there.")
+            problems.append(f"Read as far as it goes: {record.problem}")
     except InputError as error:
         problems.append(str(error))
     if summary is None and record is None:
         raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
     if (folder / "scenario.yaml").is_file():
         scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
-    return _Run(folder.resolve().name, summary, record, scenario, tuple(problems))
+    here = f"{folder}/"  # A report is passed on: it need not tell where the folder lay.
+    return _Run(folder.resolve().name, summary, record, scenario, tuple(p.replace(here, "") for p in problems))
 
 
 def _page(run: _Run, catalogue: "Catalogue") -> str:
@@ -296,7 +302,7 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
 
 
 _LEGEND = (
-    '<p class="legend">Thin boxes are detections. Filled outlines with axes are tracks that were accepted, thin '
+    '<p class="legend">Thin boxes are detections. Filled outlines with axes are tracks that were accepted, dashed '
     "outlines tracks that were rejected, each with the probability that it is right. Errors are against the truth, "
     "which the robot does not know.</p>"
 )
@@ -360,7 +366,17 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
         )
     if not rows:
         return ""
-    heads = ["track", "label", "", "probability", "detector", "likelihood", "position error", "angle error", "visible"]
+    heads = [
+        "track",
+        "label",
+        "verdict",
+        "probability",
+        "detector",
+        "likelihood",
+        "position error",
+        "angle error",
+        "visible",
+    ]
     return _table(heads, rows)
 
 
@@ -368,10 +384,10 @@ def _timing(timing: Mapping[str, float | None]) -> str:
     costs = [(name, value) for name, value in timing.items() if value is not None]
     longest = max((value for _, value in costs), default=0.0) or 1.0
     rows = [
-        [_text(_words(name)), _seconds(value), f'<span class="bar" style="width:{100 * value / longest:.1f}%"></span>']
+        [_text(_words(name)), f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{_seconds(value)}']
         for name, value in costs
     ]
-    return _table(["", "", ""], rows) if rows else "<p>Nothing was measured.</p>"
+    return _table(["of", "cost"], rows) if rows else "<p>Nothing was measured.</p>"
 
 
 def _words(name: str) -> str:
@@ -387,12 +403,18 @@ def _made_with(summary: Mapping[str, Any]) -> str:
 
 
 def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Cells are HTML. On a narrow screen each cell carries its column's name, so that rows can be stacked."""
-    heads = list(heads)
+    """Cells are HTML; columns in which nothing stands are left out.
+
+    On a narrow screen rows are stacked, so each cell carries its column's name.
+    """
+    columns = [column for column in zip(heads, *rows, strict=True) if any(column[1:])]
+    heads, *rows = zip(*columns, strict=True)
     head = "".join(f"<th>{_text(name)}</th>" for name in heads)
     body = "".join(
         "<tr>"
-        + "".join(f'<td data-name="{_text(name)}">{cell}</td>' for name, cell in zip(heads, row, strict=True))
+        + "".join(
+            f'<td data-name="{_text(name)}"><div>{cell}</div></td>' for name, cell in zip(heads, row, strict=True)
+        )
         + "</tr>"
         for row in rows
     )
@@ -456,15 +478,15 @@ td { font-variant-numeric: tabular-nums; }
 .chip.poor { background: #fff0d6; color: var(--poor); }
 h1 + p .chip { white-space: normal; font-size: 15px; }
 .swatch { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
-.bar { display: block; height: 12px; margin-top: 5px; border-radius: 2px; background: #5b8def; min-width: 2px; }
+.bar { display: inline-block; height: 11px; margin-right: 8px; background: #5b8def; min-width: 2px; }
 .digest { font: 12px monospace; color: var(--faint); overflow-wrap: anywhere; }
 pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }
 @media (max-width: 640px) {
   thead { display: none; }
-  tr { display: block; padding: 6px 0; border-bottom: 1px solid var(--line); }
-  td { display: flex; justify-content: space-between; gap: 16px; border: 0; padding: 2px 8px; }
-  td::before { content: attr(data-name); color: var(--faint); flex: none; }
-  td:empty { display: none; }
+  tr { display: grid; grid-template-columns: 1fr 1fr; padding: 6px 0; border-bottom: 1px solid var(--line); }
+  td { border: 0; padding: 2px 8px; }
+  td::before { content: attr(data-name); color: var(--faint); font-size: 12.5px; display: block; }
+  td:has(> div:empty) { display: none; }
 }
 @media print {
   body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
