@@ -141,11 +141,12 @@ def _unseen(z: Array, camera: Camera, rng: np.random.Generator, config: DepthNoi
     first_to_the_right = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
     unseen = (column > first_to_the_right + 0.5) if config.shadows else np.zeros(z.shape, dtype=bool)
 
-    padded = np.pad(z, 1, mode="edge")
-    neighbours = np.stack([padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]])
-    jump = np.abs(neighbours - z).max(0) > config.edge_jump * z
-
-    # Inverse depth of a plane is affine in the pixel, 1/z = a u + b v + c, and (fx a, fy b, 1/z - ...) is its normal.
+    # Inverse depth of a plane is affine in the pixel, 1/z = a u + b v + c. So its second difference shows edges, and no
+    # steep plane, and (fx a, fy b, c at the centre) is the plane's normal.
+    padded = np.pad(inverse, 1, mode="edge")
+    bend_x = padded[1:-1, :-2] - 2 * inverse + padded[1:-1, 2:]
+    bend_y = padded[:-2, 1:-1] - 2 * inverse + padded[2:, 1:-1]
+    edge = np.maximum(np.abs(bend_x), np.abs(bend_y)) > config.edge_jump * inverse
     b, a = np.gradient(inverse)
     n_x, n_y = camera.fx * a, camera.fy * b
     v, u = np.mgrid[: camera.height, : camera.width]
@@ -157,5 +158,5 @@ def _unseen(z: Array, camera: Camera, rng: np.random.Generator, config: DepthNoi
     grazing = (angle - config.grazing_start) / (config.grazing_end - config.grazing_start)
 
     # Across an edge the slope says nothing about the surface: the edge's own rate holds there.
-    rate = np.where(jump, config.edge_dropout, np.clip(grazing, config.dropout, 1.0))
+    rate = np.where(edge, config.edge_dropout, np.clip(grazing, config.dropout, 1.0))
     return np.asarray(unseen | (rng.random(z.shape) < rate))

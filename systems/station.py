@@ -14,7 +14,7 @@ from pydrake.geometry import (
     RenderEngineVtkParams,
     Role,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import ModelDirective, ModelDirectives, ProcessModelDirectives
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
@@ -205,10 +205,18 @@ def _add_object(plant: MultibodyPlant, label: str, path: str, X_WO: Array) -> No
             raise RuntimeError(f"the model has {len(bodies)} links")
         body = plant.get_body(bodies[0])
         plant.RenameModelInstance(instances[0], label)
-        plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(np.asarray(X_WO, dtype=float)))
+        plant.SetDefaultFloatingBaseBodyPose(body, _rigid(X_WO))
     except (RuntimeError, ValueError) as error:
         message = f'object "{label}": {path}: {one_line(error)}; expected an SDF file of one model with one free link'
         raise InputError(message) from error
+
+
+def _rigid(X_WO: Array) -> RigidTransform:
+    """X_WO (4, 4) as a RigidTransform, which would take any matrix. Raises ValueError."""
+    X = np.asarray(X_WO, dtype=float)
+    if X.shape != (4, 4) or not np.allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-6):
+        raise ValueError("X_WO is no rigid motion")
+    return RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:3, :3]), X[:3, 3])
 
 
 def _add_drives(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> None:
