@@ -41,9 +41,8 @@ class GraspConfig:
     """Mean distance of the points that stand for the object's surface when the hand is tested against it."""
     directions: int = 8
     """Approach directions about the closing axis at each sample; a multiple of 4 includes the principal axes."""
-    depths: int = 4
-    """Depths of the hand along each approach direction, from the deepest that the object leaves room for to the
-    shallowest that still touches it: the table may forbid the deeper ones."""
+    depths: int = 3
+    """Depths of the hand along each approach direction, from the deepest that the object leaves room for."""
     candidates: int = 2000
     """At most this many grasps of an object, spread over it."""
     friction: float = 0.5
@@ -66,11 +65,11 @@ class GraspConfig:
     """Length of the straight approach along G's x axis that must be free of neighbours."""
     max_tilt: float = 1.5
     """Largest angle between the approach direction and straight down, radians."""
-    particles: int = 12
+    particles: int = 10
     """Poses drawn from the belief on which a grasp is tried out."""
-    tried: int = 200
+    tried: int = 120
     """At most this many of the best grasps are tried out, and returned."""
-    min_survival: float = 0.2
+    min_survival: float = 0.1
     """Share of those poses for which a grasp must hold."""
     weight_contact: float = 1.0
     """Weight of the contact quality in the score."""
@@ -156,6 +155,9 @@ def rank_grasps(
 ) -> RankedGrasps:
     """Drops the candidates that the scene forbids and orders the others, best first.
 
+    A grasp that comes too close to the table is drawn back along its approach direction before it is dropped, so that
+    the grasps returned are not always among the candidates.
+
     Args:
         candidates: of `grasp_candidates(model, ...)`.
         X_WO: (4, 4), the estimated pose, on which the hand poses are based.
@@ -169,6 +171,7 @@ def rank_grasps(
     qualities = np.array([grasp.quality for grasp in candidates])
     X_WGs = X_WO @ X_OGs
     gaps = opening(widths, config)
+    cloud = surface(model, config.spacing)
 
     cause = np.full(len(X_WGs), -1)
 
@@ -177,14 +180,23 @@ def rank_grasps(
 
     above = -X_WGs[:, 2, 0]  # cosine of the approach direction with straight down
     reject("approach_from_below", above < np.cos(config.max_tilt))
-    reject("table", lowest_point(X_WGs, gaps) < table_height + config.table_clearance)
+    # A hand that would touch the table is drawn back from the object just far enough, if it still holds it then.
+    below = table_height + config.table_clearance - lowest_point(X_WGs, gaps)
+    back = np.maximum(below, 0.0) / np.maximum(above, 1e-3)
+    reject("table", back > HAND.pad_x[1] - HAND.pad_x[0])
+    X_WGs[:, :3, 3] -= back[:, None] * X_WGs[:, :3, 0]
+    drawn = np.flatnonzero((cause < 0) & (back > 0))
+    lows, highs, qualities[drawn] = _contacts_of(cloud, 3000, inverse(X_WGs[drawn]) @ X_WO, gaps[drawn], config)
+    off_centre = np.abs(lows + highs) > config.min_clearance
+    qualities[drawn[off_centre]] = 0.0
+    widths[drawn] = highs - lows
+    reject("table", qualities == 0)
     clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
     left = cause < 0
     clearances[left] = hand_clearances(X_WGs[left], gaps[left], points_W, approach=config.approach)
     for part, which in enumerate(("neighbour_finger", "neighbour_palm", "neighbour_approach")):
         reject(which, clearances[:, part] < config.neighbour_clearance)
 
-    cloud = surface(model, config.spacing)
     centre = cloud.p_OQs.mean(0) if centre_of_mass is None else np.asarray(centre_of_mass)
     arm_W = apply(X_WO, centre[None])[0] - X_WGs[:, :3, 3]
     # The weight's moment about the closing axis twists the object between the pads, which only friction resists; the
@@ -204,8 +216,9 @@ def rank_grasps(
     scores *= survival
     order = best[np.argsort(-scores[best], kind="stable")]
     order = order[cause[order] < 0]
+    X_OGs = inverse(X_WO) @ X_WGs
     return RankedGrasps(
-        grasps=tuple(candidates[i] for i in order),
+        grasps=tuple(Grasp(model.label, readonly(X_OGs[i]), float(widths[i]), float(qualities[i])) for i in order),
         X_WGs=readonly(X_WGs[order]),
         gaps=readonly(gaps[order]),
         scores=readonly(scores[order]),
@@ -438,7 +451,7 @@ def _grasps_across(
     which = np.flatnonzero(deepest > shallow)
     if len(which) == 0:
         return []
-    share = np.linspace(0, 1, config.depths)
+    share = np.arange(config.depths) / config.depths
     depth = (deepest[which, None] - share * (deepest[which, None] - shallow)).ravel()
     which = np.repeat(which, config.depths)
     X_OGs = transform(R_OGs[which], centre + depth[:, None] * approach[which])
@@ -502,12 +515,27 @@ def _contacts(
     return low, high, np.where(antipodal, quality, 0.0)
 
 
+def _contacts_of(
+    cloud: Surface, count: int, X_GOs: Array, gaps: Array, config: GraspConfig
+) -> tuple[Array, Array, Array]:
+    """`_contacts` of an object at X_GOs (n, 4, 4) in open hands, by the first `count` points of its surface."""
+    p_OQs, normals_O = cloud.p_OQs[:count], cloud.normals_O[:count]
+    results = [
+        _contacts(
+            apply(X_GO[None], p_OQs), (normals_O @ X_GO[:3, :3].T)[None], gap[None], cloud.area / len(p_OQs), config
+        )
+        for X_GO, gap in zip(X_GOs, gaps, strict=True)
+    ]
+    low, high, quality = np.array(results).reshape(-1, 3).T
+    return low, high, quality
+
+
 def _spread(X_OGs: Array, qualities: Array, count: int) -> list[int]:
     """Indices of at most `count` grasps that cover all of them, best first: the best of each cell of a grid."""
     closing = X_OGs[:, :3, 1]
     # The half-turn is the same grasp: give the closing axis a sign of its own.
     largest = np.take_along_axis(closing, np.abs(closing).argmax(1)[:, None], 1)
-    features = np.hstack([X_OGs[:, :3, 3] / 0.008, X_OGs[:, :3, 0] / 0.25, closing * np.sign(largest) / 0.25])
+    features = np.hstack([X_OGs[:, :3, 3] / 0.006, X_OGs[:, :3, 0] / 0.25, closing * np.sign(largest) / 0.25])
     best_first = np.argsort(-qualities, kind="stable")
     _, first = np.unique(np.round(features[best_first]), axis=0, return_index=True)
     # The cells come sorted by position, so that every so-manieth of them still covers the object.
