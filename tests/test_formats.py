@@ -1,0 +1,44 @@
+"""docs/formats.md names everything that the files hold."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sum_drake import evaluation, grasping, picking, runlog
+from sum_drake.geometry import SYMMETRIES
+
+FORMATS = (Path(__file__).parents[1] / "docs" / "formats.md").read_text()
+WORDS = set(re.findall(r"[\w/-]+", FORMATS))
+
+
+def names(kind: Any) -> list[str]:
+    """Every field of the summary's schema."""
+    if isinstance(kind, list):
+        return names(kind[0])
+    if not isinstance(kind, dict):
+        return []
+    fields = [name for name in kind if isinstance(name, str)]
+    return fields + [inner for value in kind.values() for inner in names(value)]
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [evaluation.OUTCOMES, picking.REASONS, grasping.CAUSES, SYMMETRIES, names(evaluation._SUMMARY)],
+    ids=["outcomes", "reasons", "causes", "symmetries", "summary"],
+)
+def test_everything_is_listed(listed: Any) -> None:
+    assert sorted(set(listed) - WORDS) == []
+
+
+def test_topics_and_schemas_are_listed() -> None:
+    assert runlog.__doc__ is not None
+    topics = re.findall(r"^ +(/\S+)", runlog.__doc__, re.MULTILINE)
+    assert len(topics) == 11 and set(topics) <= WORDS
+    assert {evaluation.SCHEMA, runlog.SCHEMA} <= WORDS
+
+
+def test_links_within_the_page_lead_somewhere() -> None:
+    heads = [re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in re.findall(r"^#+ (.*)", FORMATS, re.M)]
+    assert set(re.findall(r"\(#([^)]*)\)", FORMATS)) <= set(heads)
