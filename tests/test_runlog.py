@@ -72,7 +72,7 @@ def write(path: Path, count: int = 2) -> None:
         for i in range(count):
             writer.write_perception(make_perception(i))
             writer.write_attempt(7.3 * i + 1.0, make_attempt(i))
-            writer.write_joint_state(7.3 * i + 1.5, ["torso", "pan"], np.array([0.3, -1.25 * i]))
+            writer.write_joint_state(7.3 * i + 1.5, ["torso", "pan"], np.array([0.3 * i, 1.25]))
             writer.write_event(7.3 * i + 2.0, "observe", {"counter": i})
 
 
@@ -101,7 +101,7 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     assert [time for time, _ in record.attempts] == [1.0, 8.3]
     assert record.attempts[0][1].rejected_by == (("ik", 30), ("table", 10))
     assert record.joint_names == ("torso", "pan")
-    np.testing.assert_array_equal(record.joint_positions, [[0.3, 0.0], [0.3, -1.25]])
+    np.testing.assert_array_equal(record.joint_positions, [[0.0, 1.25], [0.3, 1.25]])
     np.testing.assert_allclose(record.joint_times, [1.5, 8.8])
     assert record.events[1] == {"time": 9.3, "name": "observe", "detail": {"counter": 1}}
 
