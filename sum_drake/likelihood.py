@@ -113,7 +113,7 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     pixels = areas * (camera.fx * camera.fy) / z.clamp(min=1e-3) ** 2
     pixels = torch.where(inside & (z_observed > 0), pixels, 0.0)
     # Both points are on one ray: they are as far apart as their depths, times the ray's length per depth.
-    gap = (z - z_observed) * (p_CPs.norm(dim=-1) / z.clamp(min=1e-3))
+    gap = (z - z_observed) * ((p_CPs * p_CPs).sum(-1).sqrt() / z.clamp(min=1e-3))
     near = gap.abs() < epsilon
     match = pixels * near * observation.in_box.view(-1)[index]
     if soft:
@@ -165,15 +165,16 @@ def register(
     distance = z_observed - z
     weight = (1 - (distance / reach) ** 2).clamp(min=0) ** 2
     weight = weight * (inside & (z_observed > 0) & ~observation.at_edge.view(-1)[index])
-    J = torch.cat([torch.linalg.cross(p_MQs, normals_C), normals_C], dim=-1)  # (n, k, 6)
+    (x, y, w), (a, b, c) = p_MQs.unbind(-1), normals_C.unbind(-1)
+    J = torch.stack([y * c - w * b, w * a - x * c, x * b - y * a, a, b, c], dim=-1)  # (n, k, 6): p x n, n
     weighted = J * weight[..., None]
     A = weighted.transpose(1, 2) @ J
-    b = (weighted.transpose(1, 2) @ gap[..., None]).squeeze(-1)
+    g = (weighted.transpose(1, 2) @ gap[..., None]).squeeze(-1)
     # Rotations are compared with shifts at the size of the object, so that one damping serves both.
-    size = p_MQs.norm(dim=-1).mean(-1).clamp(min=1e-4)
-    damping = torch.cat([size[:, None].expand(-1, 3) ** 2, torch.ones_like(p_CMs)], dim=-1)
+    size_squared = (p_MQs * p_MQs).sum(-1).mean(-1, keepdim=True).clamp(min=1e-8)
+    damping = torch.cat([size_squared.expand(-1, 3), torch.ones_like(p_CMs)], dim=-1)
     trust = 0.02 * weight.sum(-1) + 1.0
-    step = torch.linalg.solve(A + torch.diag_embed(damping * trust[:, None]), b)
+    step = torch.linalg.solve(A + torch.diag_embed(damping * trust[:, None]), g)
     limit = torch.stack([step[:, :3].norm(dim=-1) / 0.5, step[:, 3:].norm(dim=-1) / reach]).amax(0).clamp(min=1)
     step = step / limit[:, None]
     return step[:, :3], step[:, 3:]

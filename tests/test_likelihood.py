@@ -1,0 +1,197 @@
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sum_drake.geometry import rotation_from_vector
+from sum_drake.likelihood import Counts, Observation, confidence, count, likelihood, observe, paper_likelihood, register
+from sum_drake.rendering import view_rotations
+from sum_drake.types import Camera, Frame
+
+CAMERA = Camera(width=80, height=60, fx=100.0, fy=100.0, cx=39.5, cy=29.5)
+
+
+def frame_of(depth: np.ndarray) -> Frame:
+    return Frame(0, np.zeros((*depth.shape, 3), np.uint8), depth.astype(np.float32), CAMERA, np.eye(4))
+
+
+def plane(z: float = 1.0) -> np.ndarray:
+    return np.full((60, 80), z)
+
+
+def points_of(depth: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+    """A point a pixel of a rendered depth image, with the area that one pixel stands for."""
+    v, u = np.mgrid[:60, :80]
+    p = np.stack([(u - CAMERA.cx) / CAMERA.fx * depth, (v - CAMERA.cy) / CAMERA.fy * depth, depth], -1)
+    areas = (depth**2 / (CAMERA.fx * CAMERA.fy)).reshape(1, -1)
+    return torch.tensor(p.reshape(1, -1, 3), dtype=torch.float32), torch.tensor(areas, dtype=torch.float32)
+
+
+WHOLE = (0.0, 0.0, 80.0, 60.0)
+
+
+def test_a_perfect_render_explains_everything() -> None:
+    observation = observe(frame_of(plane()), WHOLE)
+    counts = count(observation, *points_of(plane()), 0.008)
+    assert observation.n == 4800
+    assert float(counts.inliers[0]) == pytest.approx(4800)
+    for score in (paper_likelihood, likelihood, confidence):
+        assert float(score(counts, observation.n)[0]) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_epsilon_is_the_euclidean_distance_of_both_points() -> None:
+    """At a pixel off the axis a depth difference is a longer way along the ray (eq. 9)."""
+    observation = observe(frame_of(plane()), WHOLE)
+    points, areas = points_of(plane(1.0 + 0.0075))
+    length = torch.sqrt((points**2).sum(-1))[0] / 1.0075
+    expected = ((0.0075 * length) < 0.008).sum()
+    counts = count(observation, points, areas, 0.008)
+    assert 0 < int(expected) < 4800
+    assert float(counts.inliers[0]) == pytest.approx(float(expected), rel=0.002)
+
+
+def test_in_front_is_a_violation_and_behind_is_hidden() -> None:
+    observation = observe(frame_of(plane()), WHOLE)
+    before = count(observation, *points_of(plane(0.9)), 0.008)
+    behind = count(observation, *points_of(plane(1.1)), 0.008)
+    assert float(before.free_space[0]) == pytest.approx(4800, rel=1e-4) and float(before.occluded[0]) == 0
+    assert float(behind.occluded[0]) == pytest.approx(4800, rel=1e-4) and float(behind.free_space[0]) == 0
+    assert float(likelihood(before, observation.n)[0]) == float(likelihood(behind, observation.n)[0]) == 0
+
+
+def test_inliers_count_in_the_box_only_and_n_is_the_observed_points_in_it() -> None:
+    depth = plane()
+    depth[:10] = 0
+    observation = observe(frame_of(depth), (10.0, 5.0, 20.0, 10.0))
+    counts = count(observation, *points_of(plane()), 0.008)
+    assert observation.n == 100
+    assert float(counts.inliers[0]) == pytest.approx(100)
+
+
+def test_missing_depth_says_nothing() -> None:
+    depth = plane()
+    depth[:, 40:] = 0
+    observation = observe(frame_of(depth), WHOLE)
+    counts = count(observation, *points_of(plane(0.5)), 0.008)
+    # What is seen ends where depth does, and so do rendered points and violations.
+    assert float(counts.rendered[0]) == pytest.approx(2400, rel=1e-4)
+    assert float(counts.free_space[0]) == pytest.approx(2400, rel=0.03)
+
+
+def test_violations_at_depth_edges_do_not_count() -> None:
+    depth = plane()
+    depth[:, 40:] = 1.5
+    observation = observe(frame_of(depth), WHOLE)
+    assert np.flatnonzero(observation.at_edge.numpy().any(0)).tolist() == [39, 40]
+    counts = count(observation, *points_of(plane()), 0.008)
+    assert float(counts.free_space[0]) == pytest.approx(60 * 39, rel=1e-4)
+
+
+def test_soft_inliers_prefer_the_nearer() -> None:
+    observation = observe(frame_of(plane()), WHOLE)
+    scores = [
+        float(likelihood(count(observation, *points_of(plane(z)), 0.008, soft=True), observation.n)[0])
+        for z in (1.0, 1.002, 1.004)
+    ]
+    assert scores[0] > scores[1] > scores[2] > 0
+
+
+@pytest.mark.parametrize("box", [(0, 0, 0, 0), (500, 500, 10, 10), (-50, -50, 10, 10), (10.2, 10.2, 0.5, 0.5)], ids=str)
+def test_boxes_without_a_pixel_observe_nothing(box: tuple[float, float, float, float]) -> None:
+    observation = observe(frame_of(plane()), box)
+    assert observation.n == 0
+    counts = count(observation, *points_of(plane()), 0.008)
+    for score in (paper_likelihood, likelihood, confidence):
+        assert float(score(counts, observation.n)[0]) == 0
+
+
+def test_depth_that_is_not_finite_is_missing() -> None:
+    depth = plane()
+    depth[0, 0], depth[1, 1], depth[2, 2] = np.nan, np.inf, -1.0
+    observation = observe(frame_of(depth), WHOLE)
+    assert observation.n == 4797
+    assert torch.isfinite(observation.depth).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.tuples(*[st.floats(-200, 200) for _ in range(2)], *[st.floats(0, 300) for _ in range(2)]),
+    st.integers(0, 2**32 - 1),
+)
+def test_scores_are_finite_and_in_range(box: tuple[float, float, float, float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    depth = np.where(rng.random((60, 80)) < 0.2, 0, rng.uniform(0.5, 2, (60, 80)))
+    observation = observe(frame_of(depth), box)
+    points = torch.tensor(rng.normal(size=(5, 40, 3)), dtype=torch.float32)
+    areas = torch.full((5, 1), 1e-5)
+    counts = count(observation, points, areas, 0.01)
+    parts = counts.inliers + counts.free_space + counts.occluded
+    assert bool((parts <= counts.rendered * 1.0001 + 1e-3).all())
+    for score in (likelihood, confidence):
+        value = score(counts, observation.n)
+        assert bool(torch.isfinite(value).all()) and bool((value >= 0).all())
+    assert bool((confidence(counts, observation.n) <= 1).all())
+
+
+def test_hidden_points_weigh_less_than_missing_ones() -> None:
+    found = torch.tensor([100.0, 100.0])
+    counts = Counts(found, torch.zeros(2), torch.tensor([0.0, 100.0]), torch.tensor([100.0, 200.0]))
+    value = confidence(counts, 100)
+    assert 1.0 == float(value[0]) > float(value[1]) > (1 / 2) ** 0.5
+
+
+R_CO = view_rotations(np.array([[1.0, 1.0, 1.0]]))[0].T
+"""A box turned to show the camera a corner."""
+
+
+def corner() -> tuple[np.ndarray, np.ndarray]:
+    """Points and normals of the three faces that are seen, relative to the middle, in C."""
+    rng = np.random.default_rng(0)
+    points, normals = [], []
+    for axis in range(3):
+        p = rng.uniform(-0.1, 0.1, (300, 3))
+        p[:, axis] = -0.1
+        points.append(p)
+        normals.append(np.tile(-np.eye(3)[axis], (300, 1)))
+    return np.concatenate(points) @ R_CO.T, np.concatenate(normals) @ R_CO.T
+
+
+def observed_corner() -> Observation:
+    """The box at 1 m before a wall, by intersecting rays with its slabs."""
+    camera = Camera(240, 180, 400.0, 400.0, 119.5, 89.5)
+    v, u = np.mgrid[:180, :240]
+    d = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)], -1) @ R_CO
+    o = -np.array([0, 0, 1.0]) @ R_CO
+    a, b = (-0.1 - o) / d, (0.1 - o) / d
+    enter, leave = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+    depth = np.where(enter <= leave, enter, 1.3).astype(np.float32)
+    return observe(Frame(0, np.zeros((180, 240, 3), np.uint8), depth, camera, np.eye(4)), (0, 0, 240, 180))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_registration_brings_a_pose_home(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, normals = (torch.tensor(x, dtype=torch.float32) for x in corner())
+    w = rng.normal(size=3)
+    R = torch.tensor(rotation_from_vector(0.12 * w / np.linalg.norm(w)), dtype=torch.float32)
+    shift = rng.normal(size=3)
+    p_CM = torch.tensor([[0, 0, 1.0]]) + torch.tensor(0.012 * shift / np.linalg.norm(shift), dtype=torch.float32)
+    observation = observed_corner()
+    for _ in range(12):
+        facing = (normals @ R.T)[:, 2] < -0.1
+        p = (points[facing] @ R.T)[None] + p_CM
+        turn, move = register(observation, p, (normals[facing] @ R.T)[None], p_CM, 0.04)
+        R = torch.tensor(rotation_from_vector(turn.double().numpy()[0]), dtype=torch.float32) @ R
+        p_CM = p_CM + move
+    assert float((p_CM - torch.tensor([0, 0, 1.0])).norm()) < 0.004
+    assert np.arccos(np.clip((np.trace(R.numpy()) - 1) / 2, -1, 1)) < 0.04
+
+
+def test_registration_without_an_observation_stays() -> None:
+    observation = observe(frame_of(np.zeros((60, 80))), WHOLE)
+    points, normals = (torch.tensor(x, dtype=torch.float32)[None] for x in corner())
+    p_CM = torch.tensor([[0, 0, 1.0]])
+    turn, move = register(observation, points + p_CM, normals, p_CM, 0.04)
+    assert float(turn.norm()) == float(move.norm()) == 0
