@@ -283,14 +283,14 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
     rows = []
     for row in attempts:
         rejected = sorted(row["rejected_by"].items(), key=lambda item: (-item[1], item[0]))
-        causes = ", ".join(f"{cause} {count}" for cause, count in rejected) or "none"
+        causes = ", ".join(f"{cause} {count}" for cause, count in rejected if count) or "none"
         taken = row.get("object")
         mistaken = f" (was {taken})" if taken not in (None, row["label"]) else ""
         knocked = "".join(f"; knocked off {label}" for label in row.get("knocked_off", ()))
         rows.append(
             [
                 str(row["step"]),
-                _swatch(row["label"], catalogue) + _text(row["label"] + mistaken),
+                _name(row["label"], catalogue) + _text(mistaken),
                 _text(row["region"]),
                 _chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
                 _text(row["reason"].replace("_", " ") + knocked),
@@ -327,13 +327,17 @@ def _observation(
 
 def _observed(perception: Perception, score: Mapping[str, Any] | None) -> str:
     tracks = perception.posterior.tracks
-    words = [
-        f"{len(perception.detections)} detections, {len(tracks)} tracks, {sum(t.accepted for t in tracks)} accepted"
-    ]
+    accepted = sum(track.accepted for track in tracks)
+    counts = [_count(len(perception.detections), "detection"), _count(len(tracks), "track"), f"{accepted} accepted"]
+    words = [", ".join(counts)]
     if score is not None and score["false_positives"] is not None:
         words.append(f"{score['false_positives_rejected']} of {score['false_positives']} false positives rejected")
         words.append(f"{score['true_tracks_accepted']} of {score['true_tracks']} true tracks accepted")
     return "; ".join(words) + "."
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def _done_next(step: int, attempts: Sequence[Mapping[str, Any]]) -> str:
@@ -354,7 +358,7 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
         rows.append(
             [
                 str(track.id),
-                _swatch(track.label, catalogue) + _text(track.label),
+                _name(track.label, catalogue),
                 _chip("accepted", "good") if track.accepted else _chip("rejected", "plain"),
                 f"{track.probability:.2f}",
                 f"{track.p_box * track.p_label:.2f}",
@@ -427,9 +431,9 @@ def _picture(image: Image, words: str) -> str:
     return f'<img src="data:image/jpeg;base64,{data}" alt="{_text(words)}">'
 
 
-def _swatch(label: str, catalogue: "Catalogue") -> str:
+def _name(label: str, catalogue: "Catalogue") -> str:
     r, g, b = label_color(label, catalogue)
-    return f'<i class="swatch" style="background:rgb({r},{g},{b})"></i>'
+    return f'<span class="name"><i style="background:rgb({r},{g},{b})"></i>{_text(label)}</span>'
 
 
 def _chip(words: str, kind: str) -> str:
@@ -477,7 +481,8 @@ td { font-variant-numeric: tabular-nums; }
 .chip.good { background: #dcf3e6; color: var(--good); } .chip.bad { background: #fbe3e1; color: var(--bad); }
 .chip.poor { background: #fff0d6; color: var(--poor); }
 h1 + p .chip { white-space: normal; font-size: 15px; }
-.swatch { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
+.name { white-space: nowrap; }
+.name i { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
 .bar { display: inline-block; height: 11px; margin-right: 8px; background: #5b8def; min-width: 2px; }
 .digest { font: 12px monospace; color: var(--faint); overflow-wrap: anywhere; }
 pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }

@@ -350,12 +350,13 @@ class _Damage(Exception):
 
 def _records(stream: Any) -> Iterator[Any]:
     """The file's records in order. Raises _Damage where it is cut off or broken."""
-    from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+    from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
     from mcap.stream_reader import CRCValidationError, StreamReader
 
     try:
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=1 << 30).records
-    except EndOfFile:
+    except (EndOfFile, RecordLengthLimitExceeded):
+        # The chunk that was being written has no length yet, or one beyond the end.
         raise _Damage("is cut off") from None
     except InvalidMagic:
         raise _Damage("is no MCAP file") from None
