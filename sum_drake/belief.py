@@ -1,6 +1,7 @@
 """The recursion over observations: predict, estimate, spawn, terminate, accept (Sui et al. 2017, eq. 4)."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -9,6 +10,7 @@ from sum_drake.association import AssociationConfig
 from sum_drake.existence import track_probability
 from sum_drake.filtering import FilterConfig, PoseEstimate, predict
 from sum_drake.types import (
+    Array,
     Association,
     Associations,
     Box,
@@ -51,8 +53,12 @@ def update(
     acceptance: AcceptanceConfig,
     unique_labels: bool,
     seed: int,
+    sunk: Callable[[str, Array], float] = lambda label, X_WO: 0.0,
 ) -> SceneBelief:
-    """The belief after an observation. Raises ValueError if the three inputs speak of different observations."""
+    """The belief after an observation. Raises ValueError if the three inputs speak of different observations.
+
+    sunk: how far an object of a label at X_WO (4, 4) would reach into what is known to be solid, metres.
+    """
     if not frame.observation == detections.observation == associations.observation:
         raise ValueError(
             f"frame {frame.observation}, detections {detections.observation} and associations "
@@ -64,14 +70,14 @@ def update(
         rng = np.random.default_rng([seed, track.id, frame.observation])
         predicted = _predict(track, action, rng, filter_config)
         if track.id in matched:
-            tracks.append(_estimate(track, matched[track.id], predicted, frame, detections, estimator, rng))
+            tracks.append(_estimate(track, matched[track.id], predicted, frame, detections, estimator, sunk, rng))
         elif frame.observation - track.seen < association_config.max_missed:
             tracks.append(dataclasses.replace(track, belief=predicted, accepted=False))
     next_id = held.next_id
     for pair in associations.pairs:
         if pair.track is None:
             rng = np.random.default_rng([seed, next_id, frame.observation])
-            tracks.append(_estimate(next_id, pair, None, frame, detections, estimator, rng))
+            tracks.append(_estimate(next_id, pair, None, frame, detections, estimator, sunk, rng))
             next_id += 1
     accepted = _accept(tracks, frame.observation, acceptance, unique_labels)
     return SceneBelief(frame.observation, accepted, next_id)
@@ -90,12 +96,14 @@ def _estimate(
     frame: Frame,
     detections: Detections,
     estimator: Estimator,
+    sunk: Callable[[str, Array], float],
     rng: np.random.Generator,
 ) -> Track:
     """The track (or a new one of that id) after its association with a box."""
     detection = detections.boxes[pair.detection]
     p_label = dict(detection.p_labels)[pair.label]
     estimate = estimator.estimate(frame, detection.box, pair.label, rng=rng, prior=prior)
+    depth = sunk(pair.label, estimate.X_WO)
     return Track(
         id=track if isinstance(track, int) else track.id,
         label=pair.label,
@@ -105,11 +113,11 @@ def _estimate(
         belief=estimate.belief,
         X_WO=estimate.X_WO,
         likelihood=estimate.likelihood,
-        probability=track_probability(detection.p_box, p_label, estimate.likelihood),
+        probability=track_probability(detection.p_box, p_label, estimate.likelihood, depth),
         accepted=False,
         born=frame.observation if isinstance(track, int) else track.born,
         seen=frame.observation,
-        features=estimate.features,
+        features=(*estimate.features, ("sunk_m", depth)),
     )
 
 

@@ -1,6 +1,7 @@
 """The command `sum-drake`."""
 
 import argparse
+import logging
 import os
 import sys
 import time
@@ -18,6 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Perception and planning are single-threaded by design; idle pools of threads only get in each other's way.
     for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    logging.getLogger("drake").setLevel(logging.WARNING)
     options = _parser().parse_args(arguments)
     try:
         options.command(options)

@@ -9,10 +9,18 @@ DETECTOR = 0.6
 LIKELIHOOD = 8.0
 
 
-def track_probability(p_box: float, p_label: float, likelihood: float) -> float:
-    """P(real, and within 2 cm and 20 degrees) from p(b | z), p(o | b, z) and the final likelihood, each in [0, 1]."""
+SUNK = 0.01
+"""Standard deviation of the depth by which a true object's estimate sinks into the table, metres."""
+
+
+def track_probability(p_box: float, p_label: float, likelihood: float, sunk: float = 0.0) -> float:
+    """P(real, and within 2 cm and 20 degrees) from p(b | z), p(o | b, z) and the final likelihood, each in [0, 1].
+
+    sunk: how far the estimate reaches below the table's top, metres. A patch of bare table is well explained by a box
+    that lies in it.
+    """
     if likelihood <= 0.0:
         return 0.0
     confidence = np.clip(p_box * p_label, 1e-3, 1 - 1e-3)
     logit = INTERCEPT + DETECTOR * np.log(confidence / (1 - confidence)) + LIKELIHOOD * likelihood
-    return float(1.0 / (1.0 + np.exp(-logit)))
+    return float(np.exp(-0.5 * (max(sunk, 0.0) / SUNK) ** 2) / (1.0 + np.exp(-logit)))

@@ -66,5 +66,5 @@ def canonical(value: Any) -> str:
 def write_json(path: Path, data: Any) -> None:
     """Plain data as indented JSON, through a temporary file beside it: nobody ever reads half of it."""
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
+    temporary.write_text(json.dumps(encode(data), indent=1, allow_nan=False) + "\n")
     temporary.replace(path)

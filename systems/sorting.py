@@ -9,23 +9,24 @@ import numpy as np
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
-from sum_drake.picking import plan_retreat
-from sum_drake.systems.run_log import RunLog
 
 from sum_drake import belief
 from sum_drake.assets import MODELS
 from sum_drake.filtering import PoseEstimator, filter_config
+from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene
-from sum_drake.objects import Catalogue, draw_labels
+from sum_drake.objects import Catalogue
+from sum_drake.picking import plan_retreat
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
-from sum_drake.systems.pouring import pour
+from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import Referee, TruthSample
+from sum_drake.systems.run_log import RunLog
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
@@ -87,6 +88,13 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
     config = filter_config(scenario.filter)
     estimator = PoseEstimator(catalogue, config)
     seed = derive(scenario.random_seed, "estimation")
+    table = scenario.region("table")
+
+    def sunk(label: str, X_WO: Array) -> float:
+        """How far an object over the table reaches below its top."""
+        if np.any(np.abs(X_WO[:2, 3] - table.p_W[:2]) > table.half_extents[:2]):
+            return 0.0
+        return float(table.floor_height - apply(X_WO, np.asarray(catalogue[label].load_mesh().vertices))[:, 2].min())
 
     def update(
         held: SceneBelief, frame: Frame, detections: Detections, associations: Associations, action: PickPlace | None
@@ -104,6 +112,7 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
                 acceptance=scenario.acceptance,
                 unique_labels=scenario.unique_labels,
                 seed=seed,
+                sunk=sunk,
             )
 
     return update
@@ -233,7 +242,9 @@ def flat_directives(directives: Sequence[ModelDirective]) -> list[ModelDirective
     """The same scene without nested files."""
     packages = PackageMap()
     packages.Add("sum_drake", str(MODELS))
-    flat: list[ModelDirective] = FlattenModelDirectives(ModelDirectives(directives=list(directives)), packages).directives
+    flat: list[ModelDirective] = FlattenModelDirectives(
+        ModelDirectives(directives=list(directives)), packages
+    ).directives
     return flat
 
 
