@@ -2,6 +2,7 @@
 
 Definitions, and where they come from (Sui et al. 2017, section VI):
 
+- Only tracks that were associated with a detection of the observation count: those are its hypotheses.
 - A track is *true* when an object of its label is where its box is: intersection over union with the object's box at
   least .5, the paper's true positive; or, for an object whose visible part is smaller than the box projected from its
   mesh, when the estimate lies within 5 cm of it. Every other track is a false positive, and rejected when the belief
@@ -92,22 +93,22 @@ def score_observation(perception: Perception, truth: Truth, catalogue: "Catalogu
             f"truth of observation {truth.observation} for the belief of {perception.posterior.observation}"
         )
     shares = dict(truth.visible_shares)
-    poses, true, accepted = [], 0, 0
-    false_rejected = 0
+    poses, verdicts = [], []
     for track in perception.posterior.tracks:
         X_WO = _nearest(track, truth)
         translation = rotation = None
         if X_WO is not None:
             errors = pose_error(track.X_WO, X_WO, catalogue[track.label].symmetry)
             translation, rotation = float(errors[0]), float(errors[1])
-        is_true = X_WO is not None and _is_true(track, X_WO, perception.frame, truth, catalogue)
-        true += is_true
-        accepted += is_true and track.accepted
-        false_rejected += not is_true and not track.accepted
+        seen = track.seen == truth.observation
+        if seen:
+            is_true = X_WO is not None and _is_true(track, X_WO, perception.frame, truth, catalogue)
+            verdicts.append((is_true, track.accepted))
         poses.append(
             {
                 "track": track.id,
                 "label": track.label,
+                "seen": seen,
                 "accepted": track.accepted,
                 "probability": float(track.probability),
                 "translation_error_m": translation,
@@ -119,10 +120,10 @@ def score_observation(perception: Perception, truth: Truth, catalogue: "Catalogu
         "step": perception.step,
         "detections": len(perception.detections),
         "tracks": len(poses),
-        "false_positives": len(poses) - true,
-        "false_positives_rejected": false_rejected,
-        "true_tracks": true,
-        "true_tracks_accepted": accepted,
+        "false_positives": sum(not is_true for is_true, _ in verdicts),
+        "false_positives_rejected": sum(not is_true and not accepted for is_true, accepted in verdicts),
+        "true_tracks": sum(is_true for is_true, _ in verdicts),
+        "true_tracks_accepted": sum(is_true and accepted for is_true, accepted in verdicts),
         "poses": poses,
     }
 
@@ -271,6 +272,10 @@ def summary(
         "objects_missorted": len(missorted),
         "missorted_by": {"perception": len(by_perception), "manipulation": len(missorted) - len(by_perception)},
         "completion_ratio": len(in_place) / len(wanted) if wanted else 1.0,
+        "objects": [
+            {"label": label, "goal": goal.get(label, LEAVE), "place": now[label], "p_W": X_WO[:3, 3].tolist()}
+            for label, X_WO in final.X_WOs
+        ],
         "manipulation_trials": len(trials),
         "manipulation_errors": sum(map(_is_manipulation_error, trials)),
         "observations": list(observations),
@@ -307,6 +312,7 @@ def digest(perceptions: Sequence[Perception], attempts: Sequence[Attempt], final
 _POSE = {
     "track": int,
     "label": str,
+    "seen": bool,
     "accepted": bool,
     "probability": float,
     "translation_error_m": float | None,
@@ -347,6 +353,7 @@ _SUMMARY = {
     "objects_missorted": int,
     "missorted_by": {"perception": int, "manipulation": int},
     "completion_ratio": float,
+    "objects": [{"label": str, "goal": str, "place": str, "p_W": [float]}],
     "manipulation_trials": int,
     "manipulation_errors": int,
     "observations": [_OBSERVATION],

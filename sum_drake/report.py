@@ -45,8 +45,8 @@ def label_color(label: str, catalogue: "Catalogue") -> Color:
 def draw_perception(perception: Perception, catalogue: "Catalogue", *, scale: int = 2) -> Image:
     """The picture of an observation with what was made of it, (scale h, scale w, 3) RGB.
 
-    Thin boxes are detections. Filled outlines with axes are accepted tracks, dashed outlines rejected ones; each
-    carries its label and probability.
+    Thin boxes are detections. Filled outlines with axes are accepted tracks, dashed outlines rejected or unseen ones;
+    each carries its label and probability.
     """
     frame = perception.frame
     image = np.asarray(cv2.resize(frame.color, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
@@ -65,7 +65,7 @@ def draw_perception(perception: Perception, catalogue: "Catalogue", *, scale: in
         if track.accepted:
             canvas.axes(X_CO)
     for track in reversed(tracks):
-        canvas.tag(track, X_CW @ track.X_WO, label_color(track.label, catalogue))
+        canvas.tag(track, X_CW @ track.X_WO, label_color(track.label, catalogue), frame.observation)
     return canvas.image
 
 
@@ -80,6 +80,12 @@ def draw_depth(depth: NDArray[np.float32]) -> Image:
     colors = cv2.cvtColor(cv2.applyColorMap(level, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB)
     colors[~valid] = 0
     return np.asarray(colors, np.uint8)
+
+
+def _verdict(track: Track, observation: int) -> str:
+    if track.accepted:
+        return "accepted"
+    return "rejected" if track.seen == observation else "not seen"
 
 
 class _Canvas:
@@ -127,11 +133,11 @@ class _Canvas:
             cv2.arrowedLine(self.image, origin, tip, (255, 255, 255), 4, cv2.LINE_AA, tipLength=0.2)
             cv2.arrowedLine(self.image, origin, tip, color, 2, cv2.LINE_AA, tipLength=0.2)
 
-    def tag(self, track: Track, X_CO: Array, color: Color) -> None:
+    def tag(self, track: Track, X_CO: Array, color: Color, observation: int) -> None:
         """Label and probability over the estimate, moved down until it covers no other."""
         if X_CO[2, 3] <= 0.05:
             return
-        text = f"{track.label} {track.probability:.2f}" + ("" if track.accepted else " rejected")
+        text = f"{track.label} {track.probability:.2f}" + ("" if track.accepted else f" {_verdict(track, observation)}")
         size = 0.55 if track.accepted else 0.45
         (width, height), baseline = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
         width, height = width + 8, height + baseline + 4
@@ -232,7 +238,7 @@ def _page(run: _Run, catalogue: "Catalogue") -> str:
     attempts = run.attempts()
     parts = [_header(run), *(f'<p class="problem">{_text(problem)}</p>' for problem in run.problems)]
     if run.summary is not None:
-        parts.append(_figures(run.summary))
+        parts += [_figures(run.summary), "<h2>Objects</h2>", _object_table(run.summary["objects"], catalogue)]
     if attempts:
         parts += ["<h2>Attempts</h2>", _attempt_table(attempts, catalogue)]
     if run.perceptions:
@@ -276,6 +282,14 @@ def _figures(summary: Mapping[str, Any]) -> str:
     return f'<div class="figures">{tiles}</div>'
 
 
+def _object_table(objects: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
+    rows = []
+    for row in objects:
+        kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
+        rows.append([_name(row["label"], catalogue), _text(row["goal"]), _chip(row["place"], kind)])
+    return _table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
+
+
 _OUTCOME_KINDS = {"sorted": "good", "infeasible": "plain", None: "plain"}
 
 
@@ -303,7 +317,7 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
 
 _LEGEND = (
     '<p class="legend">Thin boxes are detections. Filled outlines with axes are tracks that were accepted, dashed '
-    "outlines tracks that were rejected, each with the probability that it is right. Errors are against the truth, "
+    "outlines tracks that were rejected or not seen, each with the probability that it is right. Errors are against the truth, "
     "which the robot does not know.</p>"
 )
 
@@ -359,7 +373,7 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
             [
                 str(track.id),
                 _name(track.label, catalogue),
-                _chip("accepted", "good") if track.accepted else _chip("rejected", "plain"),
+                _chip(_verdict(track, belief.observation), "good" if track.accepted else "plain"),
                 f"{track.probability:.2f}",
                 f"{track.p_box * track.p_label:.2f}",
                 f"{track.likelihood:.2f}",

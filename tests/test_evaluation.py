@@ -1,6 +1,7 @@
 """The referee's score: who is a false positive, how an attempt ended, and whose fault it was."""
 
 import copy
+import dataclasses
 import json
 from typing import Any
 
@@ -156,11 +157,19 @@ def test_the_visible_box_is_used_where_it_is_known(catalogue: Catalogue) -> None
     seen = track(catalogue, "tide", at(0.7, 0.3, 0.8), seen_at=X_WO)
     x, y, w, h = seen.box
     strip = (x, y, 0.3 * w, h)
-    narrow = Track(**{**vars(seen), "box": strip})
+    narrow = dataclasses.replace(seen, box=strip)
     assert score_observation(perceive(narrow), Truth(0, (("tide", X_WO),)), catalogue)["false_positives"] == 1
     shown = Truth(0, (("tide", X_WO),), (("tide", 0.3),), (("tide", strip),))
     row = score_observation(perceive(narrow), shown, catalogue)
     assert row["false_positives"] == 0 and row["poses"][0]["visible_share"] == 0.3
+
+
+def test_a_track_that_was_not_seen_is_no_hypothesis_of_this_observation(catalogue: Catalogue) -> None:
+    """What was carried off leaves its track behind for a while."""
+    gone = dataclasses.replace(track(catalogue, "sugar", at(0.7, 0.1, 0.8), accepted=False), seen=-1)
+    row = score_observation(perceive(gone), truth(0, sugar=LEFT), catalogue)
+    assert (row["tracks"], row["false_positives"], row["true_tracks"]) == (1, 0, 0)
+    assert row["poses"][0]["seen"] is False
 
 
 def test_truth_of_another_observation_is_refused(catalogue: Catalogue) -> None:
@@ -246,6 +255,7 @@ def test_summary_of_a_run() -> None:
     validate_summary(data)
     json.dumps(data, allow_nan=False)
     assert (data["objects_total"], data["objects_sorted"], data["completion_ratio"]) == (3, 1, pytest.approx(1 / 3))
+    assert [row["place"] for row in data["objects"]] == ["left", "left", "right", "table"]
     assert data["objects_missorted"] == 2
     assert data["missorted_by"] == {"perception": 1, "manipulation": 1}
     assert data["manipulation_trials"] == 3
