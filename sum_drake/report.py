@@ -317,8 +317,8 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
 
 _LEGEND = (
     '<p class="legend">Thin boxes are detections. Filled outlines with axes are tracks that were accepted, dashed '
-    "outlines tracks that were rejected or not seen, each with the probability that it is right. Errors are against the truth, "
-    "which the robot does not know.</p>"
+    "outlines tracks that were rejected or not seen, each with the probability that it is right. Errors are "
+    "against the truth, which the robot does not know.</p>"
 )
 
 
