@@ -110,7 +110,7 @@ class Arm:
         seconds = (np.abs(np.diff(paths, axis=1)).sum(1) / robot.velocity_limits()).max(-1)
         paths = paths[np.argsort(seconds, kind="stable")[:count]]
         paths[:, 0] = q_start
-        return paths
+        return np.asarray(paths)
 
     def _sweep(self, X_WG: Array, torsos: Array, pans: Array, near: Array) -> Array:
         """All solutions (n, 8) within limits on the grid of torsos and pans."""
@@ -118,7 +118,7 @@ class Arm:
         qs = _closed_form(np.broadcast_to(X_WG, (len(torso), 4, 4)), torso, pan).reshape(-1, 8)
         qs = qs[~np.isnan(qs).any(1)]
         qs = qs + _whole_turns(qs, near)
-        return qs[self.within_limits(qs)]
+        return np.asarray(qs[self.within_limits(qs)])
 
 
 def _whole_turns(qs: Array, near: Array) -> Array:

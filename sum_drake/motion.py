@@ -265,8 +265,9 @@ def plan_path(
     while step >= FINE:
         edges = _Edges(scene, step)
         qs = _direct(edges, q_start, q_goals[free])
-        if qs is None:
-            qs = _rrt_connect(edges, q_start, q_goals[free], seed, budget)
+        for room in _ROOMS:
+            if qs is None:
+                qs = _rrt_connect(edges, q_start, q_goals[free], room, seed, budget // len(_ROOMS))
         if qs is not None:
             qs = _shortcut(edges, qs, np.random.default_rng(seed))
         checks += edges.count
@@ -298,14 +299,19 @@ def _direct(edges: _Edges, q_start: Array, q_goals: Array) -> Array | None:
     return None
 
 
-def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budget: int) -> Array | None:
+_ROOMS = (0.5, 1.2, 3.0)
+"""How far (seconds at full speed) a search may leave the box spanned by start and goals: near first, where paths are
+short."""
+
+
+def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, seed: int, budget: int) -> Array | None:
     """OMPL's RRT-Connect to any of q_goals (n, 8); None when the budget is used up. Only exact solutions count."""
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
     ou.RNG.setSeed(seed % (2**31 - 1) + 1)  # a seed of 0 would be ignored
     lower, upper = robot.limits()
     ends = np.vstack([q_start, q_goals])
-    lower = np.where(np.isinf(lower), ends.min(0) - np.pi / 2, np.minimum(lower, ends.min(0)))
-    upper = np.where(np.isinf(upper), ends.max(0) + np.pi / 2, np.maximum(upper, ends.max(0)))
+    lower = np.minimum(np.maximum(lower, ends.min(0) - room / _SCALE), ends.min(0))
+    upper = np.maximum(np.minimum(upper, ends.max(0) + room / _SCALE), ends.max(0))
 
     space = ob.RealVectorStateSpace(8)
     bounds = ob.RealVectorBounds(8)
@@ -353,34 +359,45 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budge
 
 
 def seconds(qs: Array) -> float:
-    """A lower bound of the time that a polyline (k, 8) takes: each edge at its slowest joint's full speed."""
-    return float((np.abs(np.diff(qs, axis=0)) * _SCALE).max(1).sum())
+    """About the time that a polyline (k, 8) takes with a stop at each corner, without the jerk limit."""
+    way = np.abs(np.diff(qs, axis=0))
+    v, a = robot.velocity_limits(), robot.ACCELERATION
+    return float(np.where(way > v**2 / a, way / v + v / a, 2 * np.sqrt(way / a)).max(1).sum())
 
 
-def _shortcut(edges: _Edges, qs: Array, rng: np.random.Generator, rounds: int = 60) -> Array:
+def _shortcut(edges: _Edges, qs: Array, rng: np.random.Generator, rounds: int = 80) -> Array:
     """Replaces pieces of a polyline by straight lines while that saves time (Geraerts and Overmars 2007)."""
+    qs = _without_corners(edges, qs)
     for _ in range(rounds):
         if len(qs) < 3:
-            break
-        lengths = np.linalg.norm(np.diff(qs, axis=0) * _SCALE, axis=1)
-        marks = np.concatenate([[0.0], np.cumsum(lengths)])
+            return qs
+        marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(qs, axis=0) * _SCALE, axis=1))])
         a, b = np.sort(rng.uniform(0, marks[-1], 2))
         i, j = np.searchsorted(marks, [a, b], side="right") - 1
         if i == j:
             continue
-        qa, qb = (np.array([np.interp(t, marks, qs[:, c]) for c in range(8)]) for t in (a, b))
-        if rng.random() < 0.3:  # snap to corners, which keeps their number down
-            i, j = (i, j + 1) if j + 1 < len(qs) else (i, j)
-            if j - i < 2:
-                continue
-            candidate = np.vstack([qs[: i + 1], qs[j:]])
+        cut = np.array([[np.interp(t, marks, qs[:, c]) for c in range(8)] for t in (a, b)])
+        if rng.random() < 0.3:  # one joint alone goes straight: what holds up the others may not be in its way
+            c = rng.integers(8)
+            new = np.vstack([cut[:1], qs[i + 1 : j + 1], cut[1:]])
+            along = np.concatenate([[a], marks[i + 1 : j + 1], [b]])
+            new[:, c] = np.interp(along, [a, b], cut[:, c])
         else:
-            candidate = np.vstack([qs[: i + 1], qa, qb, qs[j + 1 :]])
-        if seconds(candidate) + 1e-9 >= seconds(qs):
-            continue
-        new = candidate[i : len(candidate) - (len(qs) - j) + 1]
-        if all(edges.free(q0, q1) for q0, q1 in itertools.pairwise(new)):
-            qs = candidate
+            new = cut
+        candidate = np.vstack([qs[: i + 1], new, qs[j + 1 :]])
+        candidate = candidate[np.concatenate([[True], np.abs(np.diff(candidate, axis=0)).max(1) > 1e-9])]
+        if seconds(candidate) + 1e-6 < seconds(qs) and all(edges.free(q0, q1) for q0, q1 in itertools.pairwise(new)):
+            qs = _without_corners(edges, candidate)
+    return qs
+
+
+def _without_corners(edges: _Edges, qs: Array) -> Array:
+    """Leaves out waypoints, longest leaps first, where the straight line is free and no slower."""
+    leaps = ((i, i + length) for length in range(len(qs) - 1, 1, -1) for i in range(len(qs) - length))
+    for i, j in leaps:
+        candidate = np.vstack([qs[: i + 1], qs[j:]])
+        if seconds(candidate) < seconds(qs) and edges.free(qs[i], qs[j]):
+            return _without_corners(edges, candidate)
     return qs
 
 

@@ -38,8 +38,8 @@ class PickConfig:
 
     approach: float = 0.09
     """The hand stops this far short of the grasp, then reaches straight."""
-    lifts: list[float] = dataclasses.field(default_factory=lambda: [0.18, 0.13, 0.09])
-    """Heights of the straight lift, the first that the arm can do is taken."""
+    lifts: list[float] = dataclasses.field(default_factory=lambda: [0.18, 0.26, 0.12])
+    """Heights of the straight lift; the first that the arm can do, and that clears what stands around, is taken."""
     retreats: list[float] = dataclasses.field(default_factory=lambda: [0.14, 0.09])
     """Lengths of the straight retreat after the release, likewise."""
     furniture_padding: float = 0.01
@@ -62,13 +62,13 @@ class PickConfig:
     """Calls of the termination condition in one path search."""
     speed: float = 1.0
     """Share of the joints' speed that the arm goes around things with."""
-    straight_speed: float = 0.6
+    straight_speed: float = 0.8
     """The same for reach, lift and retreat."""
     release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
     """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
-    close_time: float = 1.2
-    """Seconds given to the fingers to close: .1 m at .1 m/s, and a moment to hold."""
-    open_time: float = 0.8
+    close_time: float = 1.0
+    """Seconds given to the fingers to close and to press."""
+    open_time: float = 0.6
     """Seconds given to the fingers to open."""
 
 
@@ -126,6 +126,8 @@ class _Pick(Immutable):
     """(k, 8) from short of the grasp to it."""
     lift: Array
     """(k, 8) from the grasp upwards."""
+    held: PlanningScene
+    """With the object in the hand."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -155,9 +157,7 @@ class _Scenes(Immutable):
     close: PlanningScene
     """Near the grasp: without the object, without points, close to table and neighbours."""
     cleared: PlanningScene
-    """`around` without the object: once it has been let go."""
-    full: PlanningScene
-    """No padding, without the object: the base of scenes in which the hand holds it."""
+    """`around` without the object: once it has been let go, or is in the hand."""
     config: PickConfig
 
     @staticmethod
@@ -170,11 +170,7 @@ class _Scenes(Immutable):
         around = _padded(full, config)
         near = full.padded(furniture=config.reach_padding, solids=0.0, self_distance=config.self_padding)
         close = near.ignoring(*full.names[: 1 + len(loose)])
-        return _Scenes(around, close, around.ignoring(full.names[0]), full.ignoring(full.names[0]), config)
-
-    def holding(self, hulls: Sequence[Array], X_GO: Array, gap: float) -> PlanningScene:
-        """`cleared` with the object in the hand."""
-        return _padded(self.full.holding(hulls, X_GO).with_gap(gap), self.config)
+        return _Scenes(around, close, around.ignoring(full.names[0]), config)
 
 
 def _padded(scene: PlanningScene, config: PickConfig) -> PlanningScene:
@@ -224,14 +220,10 @@ def plan_pick_place(
     for i in _examined(len(ranked.grasps), config.grasps):
         grasp, gap = ranked.grasps[i], float(ranked.gaps[i])
         try:
-            pick = _find_pick(arm, scenes, ranked.X_WGs[i], gap, grasp.width, q_now)
-            X_GO = inverse(pick.X_WG) @ X_WO
-            held = scenes.holding(target.hulls, X_GO, grasp.width)
-            if not held.is_free(pick.lift[-1]):
-                raise _GivenUp("lift")
-            places = _find_places(arm, scenes, held, target, X_GO, region, fill, pick.lift[-1], gap, rng)
+            pick = _find_pick(arm, scenes, target, ranked.X_WGs[i], gap, grasp.width, q_now)
+            places = _find_places(arm, scenes, pick, target, region, fill, gap, rng)
             searches += 1
-            motions = _connect(scenes, held, pick, places, q_now, gap, int(rng.integers(2**31)))
+            motions = _connect(scenes, pick, places, q_now, gap, int(rng.integers(2**31)))
         except _GivenUp as given_up:
             rejected[given_up.cause] += 1
             furthest = max(furthest, given_up.stage, key=REASONS.index)
@@ -272,17 +264,16 @@ def plan_retreat(
             rise = risen[0]
             break
     home = _nearest_turns(VIEW, rise[-1])
-    for padded in (around, bare):
-        path = plan_path(padded, rise[-1], home[None], seed=seed, budget=4 * config.budget)
-        if not isinstance(path, NoPath):
-            break
-    else:
+    # A hand that has failed may stand closer to things than a plan would bring it: then without padding.
+    free = around if around.is_free(rise[-1]) else bare
+    path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
+    if isinstance(path, NoPath):
         raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
     segments = [Segment("open", timing.rest(q_now, config.open_time), HAND.gap_max)]
     if len(rise) > 1:
         rising = timing.time_curve(rise, speed=config.straight_speed)
         segments.append(Segment("retreat", rising, HAND.gap_max))
-    segments.append(Segment("return", _timed(padded, path.qs, config.speed), HAND.gap_max))
+    segments.append(Segment("return", _timed(free, path.qs, config.speed), HAND.gap_max))
     return Motion(motion_id, tuple(segments))
 
 
@@ -297,7 +288,7 @@ def _examined(count: int, limit: int) -> list[int]:
     return [*range(best), *np.linspace(best, count - 1, limit - best).round().astype(int).tolist()]
 
 
-def _find_pick(arm: Arm, scenes: _Scenes, X_WG: Array, gap: float, width: float, q_now: Array) -> _Pick:
+def _find_pick(arm: Arm, scenes: _Scenes, target: Solid, X_WG: Array, gap: float, width: float, q_now: Array) -> _Pick:
     """Reach and lift of one grasp, in the first arm configuration that allows both."""
     config = scenes.config
     around, close, gripped = scenes.around.with_gap(gap), scenes.close.with_gap(gap), scenes.close.with_gap(width)
@@ -310,17 +301,25 @@ def _find_pick(arm: Arm, scenes: _Scenes, X_WG: Array, gap: float, width: float,
         if not free.any() and found.stage == "ik":
             body = close.colliding_pairs(qs[0])[0][1]
             found = _GivenUp("grasp_collision", f"grasp_collision_{body}")
-        for q in qs[free][:4]:
+        held = None
+        for q in qs[free][:3]:
             reach = _first_free(close, cartesian_path(arm, X, X @ _along_x(-config.approach), q), around)
             if reach is None:
                 found = max(found, _GivenUp("reach"), key=lambda why: REASONS.index(why.stage))
                 continue
-            for height in config.lifts:
-                lift = _first_free(gripped, cartesian_path(arm, X, _shifted(X, np.array([0, 0, height])), q), gripped)
-                if lift is not None:
-                    return _Pick(X, reach[::-1], lift)
             found = _GivenUp("lift")
+            held = held or scenes.cleared.holding(target.hulls, inverse(X) @ target.X_WS).with_gap(width)
+            for height in config.lifts:
+                for lift in cartesian_path(arm, X, _shifted(X, np.array([0, 0, height])), q, count=2):
+                    if _clears(held, lift) and gripped.path_free(lift, 0.01):
+                        return _Pick(X, reach[::-1], lift, held)
     raise found
+
+
+def _clears(held: PlanningScene, lift: Array) -> bool:
+    """Whether a held object, which at first touches what it stood on, comes clear of everything and stays clear."""
+    free = held.free_many(lift)
+    return bool(free[-1] and free[free.argmax() :].all())
 
 
 def _first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Array | None:
@@ -329,13 +328,14 @@ def _first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Ar
 
 
 def _find_places(
-    arm: Arm, scenes: _Scenes, held: PlanningScene, target: Solid, X_GO: Array, region: Region, fill: float,
-    q_lift: Array, gap: float, rng: np.random.Generator,
+    arm: Arm, scenes: _Scenes, pick: _Pick, target: Solid, region: Region, fill: float, gap: float,
+    rng: np.random.Generator,
 ) -> list[_Place]:  # fmt: skip
     """Up to three ways to let go of the object over the region, at the lowest height where there is one."""
     config = scenes.config
     opened, cleared = scenes.close.with_gap(gap), scenes.cleared.with_gap(gap)
-    p_OQs = np.concatenate(target.hulls)
+    p_OQs, q_lift = np.concatenate(target.hulls), pick.lift[-1]
+    X_GO = inverse(pick.X_WG) @ target.X_WS
     # Turned as if the arm carried the object around the shoulder, and by multiples of 30 degrees from there.
     X_WO_lift = arm.forward(q_lift) @ X_GO
     turn = np.arctan2(region.p_W[1], region.p_W[0]) - np.arctan2(X_WO_lift[1, 3], X_WO_lift[0, 3])
@@ -355,12 +355,13 @@ def _find_places(
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
                 for q in arm.solutions(X_WG, near=q_lift, count=2):
-                    options.append((seconds(np.stack([q_lift, q])), q, X_WG, X_WO))
+                    home = _nearest_turns(VIEW, q)
+                    options.append((seconds(np.stack([q_lift, q, home])), q, X_WG, X_WO))
         options.sort(key=lambda option: option[0])
         if not options:
             continue
         stage = "place_collision"
-        free = held.free_many(np.array([q for _, q, _, _ in options[:60]]))
+        free = pick.held.free_many(np.array([q for _, q, _, _ in options[:60]]))
         places: list[_Place] = []
         for k in np.flatnonzero(free):
             _, q, X_WG, X_WO = options[k]
@@ -379,7 +380,7 @@ def _find_places(
 
 
 def _connect(
-    scenes: _Scenes, held: PlanningScene, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
+    scenes: _Scenes, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
 ) -> tuple[_Place, Motion, Motion]:
     """Searches the three paths around things, and times everything."""
     config = scenes.config
@@ -388,7 +389,7 @@ def _connect(
     if isinstance(approach, NoPath):
         raise _GivenUp("no_path_to_pregrasp")
     releases = np.array([place.retreat[0] for place in places])
-    transport = plan_path(held, pick.lift[-1], releases, seed=seed, budget=config.budget)
+    transport = plan_path(pick.held, pick.lift[-1], releases, seed=seed, budget=config.budget)
     if isinstance(transport, NoPath):
         raise _GivenUp("no_path_to_place")
     place = places[transport.goal]
@@ -407,7 +408,7 @@ def _connect(
         Segment("lift", straight(pick.lift), 0.0),
     )
     placing = (
-        Segment("transport", _timed(held, transport.qs, config.speed), 0.0),
+        Segment("transport", _timed(pick.held, transport.qs, config.speed), 0.0),
         Segment("open", timing.rest(transport.qs[-1], config.open_time), gap),
         Segment("retreat", straight(place.retreat), gap),
         Segment("return", _timed(cleared, back.qs, config.speed), gap),
@@ -416,9 +417,8 @@ def _connect(
 
 
 def _timed(scene: PlanningScene, qs: Array, speed: float) -> Trajectory:
-    """A free polyline as a trajectory that is free as well: corners are rounded where that can be."""
-    rounded = timing.time_path(qs, is_free=lambda corner: bool(scene.free_many(corner).all()), speed=speed)
-    return rounded if scene.path_free(timing.sample(rounded, 0.01), FINE) else timing.time_path(qs, speed=speed)
+    """A free polyline as a trajectory, whose corners are rounded where that is free as well."""
+    return timing.time_path(qs, is_free=lambda corner: scene.path_free(corner, FINE), speed=speed)
 
 
 def _unexplained(points_W: Array, solids: Sequence[Solid], distance: float) -> Array:

@@ -98,7 +98,9 @@ def time_path(
         return rest(path[0], 0.0)
     lines = [_Line.timed(q0, q1, limits) for q0, q1 in itertools.pairwise(path)]
     starts = np.concatenate([[0.0], np.cumsum([line.duration for line in lines[:-1]])])
-    for i in range(1, len(lines)) if is_free is not None else ():
+    for i in range(1, len(lines)):
+        if is_free is None:
+            break
         # Speeding up may begin once the line before slows down; never while an earlier corner is still being rounded.
         before = lines[i - 1]
         longest = min(before.ramp, lines[i].ramp)
