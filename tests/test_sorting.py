@@ -1,0 +1,210 @@
+"""The diagram as a whole: its wiring, what may reach whom, and one short run."""
+
+import gc
+import types
+
+import numpy as np
+import pytest
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPortIndex, LeafSystem, OutputPortIndex, System
+from scenes import standing
+
+from sum_drake.evaluation import validate_summary
+from sum_drake.objects import load_catalogue
+from sum_drake.systems.scenario import load_scenario
+from sum_drake.systems.sorting import make_sorting, pour_scene, run
+from sum_drake.systems.station import set_home
+from sum_drake.systems.verdict import score
+
+SYSTEMS = {
+    "station", "frame_assembler", "object_detector", "data_associator", "scene_estimator", "sorting_planner",
+    "arm_controller", "referee",
+}  # fmt: skip
+# What a robot may know of the simulation, by the port of the station's subsystem that it comes from. Everything else,
+# the query object, body poses, contact results and reaction forces among it, is truth.
+SENSORS = {
+    ("head_camera", "color_image"), ("depth_noise", "noisy_depth_image"), ("camera_pose", "X_WC"),
+    ("plant", "fetch_state"), ("plant", "fetch_net_actuation"),
+}  # fmt: skip
+LABEL_IMAGE = ("head_camera", "label_image")
+INSIDE_THE_CAMERA_POSE = {("plant", "fetch_state")}
+
+
+@pytest.fixture(scope="module")
+def catalogue():
+    return load_catalogue()
+
+
+@pytest.fixture(scope="module")
+def scenario(catalogue):
+    return load_scenario(seed=3, objects=2, catalogue=catalogue)
+
+
+@pytest.fixture(scope="module")
+def diagram(scenario, catalogue):
+    X_WOs = {"sugar": standing(catalogue, "sugar", 0.55, 0.1), "mug": standing(catalogue, "mug", 0.6, -0.15)}
+    return make_sorting(scenario, X_WOs, catalogue)
+
+
+def sources(diagram: Diagram, system: System) -> list[tuple[System, str]]:
+    """System and port name behind each connected input of a system of the diagram."""
+    found = []
+    for (target, _), (source, index) in diagram.connection_map().items():
+        if target.get_name() == system.get_name():
+            found.append((source, source.get_output_port(index).get_name()))
+    return found
+
+
+def origin(diagram: Diagram, port: str) -> tuple[str, str]:
+    """Subsystem and port of a diagram that an exported output stands for."""
+    index = diagram.GetOutputPort(port).get_index()
+    system, inner = diagram.get_output_port_locator(OutputPortIndex(index))
+    return system.get_name(), system.get_output_port(inner).get_name()
+
+
+def leaks(diagram: Diagram) -> list[str]:
+    """Every way by which truth reaches a system other than the referee."""
+    found = []
+    station = diagram.GetSubsystemByName("station")
+    inner = {(s.get_name(), p) for s, p in sources(station, station.GetSubsystemByName("camera_pose"))}
+    found += [f"camera_pose reads {port}" for port in inner - INSIDE_THE_CAMERA_POSE]
+    for system in diagram.GetSystems():
+        if system.get_name() in ("station", "referee"):
+            continue
+        for source, port in sources(diagram, system):
+            if source.get_name() == "referee":
+                found.append(f"{system.get_name()} reads the referee")
+            if source.get_name() != "station":
+                continue
+            at = origin(station, port)
+            simulated_detector = type(system).__name__ == "SimulatedDetector"
+            if at not in SENSORS and not (at == LABEL_IMAGE and simulated_detector):
+                found.append(f"{system.get_name()} reads {port}, which is {at}")
+        found += [f"{system.get_name()} holds {what}" for what in truth_held_by(system, station)]
+    return found
+
+
+def truth_held_by(system: System, station: Diagram) -> list[str]:
+    """The station or parts of it among all that a Python system holds, through closures, containers and objects."""
+    parts = [station, *station.GetSystems()]
+    truth = {id(part): part.get_name() for part in parts}
+    # Drake keeps a diagram and its systems alive together through attributes of its own, which are no way in for us.
+    own = {name: value for name, value in vars(system).items() if not name.startswith("_pydrake_internal")}
+    seen, waiting, found = set(), [own], []
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen or isinstance(value, types.ModuleType | type):
+            continue
+        seen.add(id(value))
+        if id(value) in truth or any(value is part for part in parts):
+            found.append(truth.get(id(value), "the station"))
+            continue
+        if isinstance(value, types.FunctionType):
+            waiting += [cell.cell_contents for cell in value.__closure__ or ()] + list(value.__defaults__ or ())
+        elif isinstance(value, types.MethodType):
+            waiting += [value.__func__] if value.__self__ is system else [value.__self__, value.__func__]
+        elif value is system:
+            continue
+        else:
+            waiting += [v for v in gc.get_referents(value) if not isinstance(v, types.FrameType)]
+    return found
+
+
+def test_every_part_of_sum_is_a_named_system(diagram):
+    assert diagram.get_name() == "sorting"
+    assert {system.get_name() for system in diagram.GetSystems()} == SYSTEMS
+
+
+def test_truth_reaches_the_referee_and_nobody_else(diagram):
+    assert leaks(diagram) == []
+    referee = diagram.GetSubsystemByName("referee")
+    assert ("station", "truth.body_poses") in {(s.get_name(), port) for s, port in sources(diagram, referee)}
+    assert referee.num_output_ports() == 0
+    assert diagram.num_output_ports() == 0
+
+
+class Spy(LeafSystem):
+    """Reads what it must not."""
+
+    def __init__(self, held=None):
+        super().__init__()
+        self._decide = lambda: held
+        self.DeclareAbstractInputPort("port", diagram_value())
+
+
+def diagram_value():
+    from pydrake.common.value import Value
+    from pydrake.math import RigidTransform
+
+    return Value[list[RigidTransform]]()
+
+
+@pytest.mark.parametrize("way", ["wire", "closure"])
+def test_a_planted_leak_is_found(scenario, catalogue, way):
+    from sum_drake.systems.station import make_station
+
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem(
+        "station",
+        make_station(
+            plant_config=scenario.plant_config, directives=scenario.directives,
+            camera=scenario.cameras["head_camera"], noise=scenario.depth_noise, objects={}, seed=0,
+        ),
+    )  # fmt: skip
+    spy = builder.AddNamedSystem("spy", Spy(station.GetSubsystemByName("plant") if way == "closure" else None))
+    if way == "wire":
+        builder.Connect(station.GetOutputPort("truth.body_poses"), spy.GetInputPort("port"))
+    (leak,) = leaks(builder.Build())
+    assert "spy" in leak
+    assert ("truth.body_poses" if way == "wire" else "plant") in leak
+
+
+def test_nothing_of_the_planner_is_made_of_the_simulated_plant(diagram):
+    """The robot has models of its own: no perception or planning system shares a plant with the station."""
+    station = diagram.GetSubsystemByName("station")
+    assert isinstance(station.GetSubsystemByName("plant"), MultibodyPlant)
+    assert isinstance(station.GetSubsystemByName("scene_graph"), SceneGraph)
+    for name in SYSTEMS - {"station", "referee"}:
+        assert truth_held_by(diagram.GetSubsystemByName(name), station) == []
+
+
+def test_the_diagram_steps_and_observes_once_settled(diagram):
+    simulator = Simulator(diagram)
+    root = simulator.get_mutable_context()
+    set_home(diagram.GetSubsystemByName("station"), root)
+    planner, estimator = diagram.GetSubsystemByName("sorting_planner"), diagram.GetSubsystemByName("scene_estimator")
+    simulator.AdvanceTo(0.35)
+    assert planner.GetOutputPort("observe").Eval(planner.GetMyContextFromRoot(root))[0] == 0
+    assert estimator.GetOutputPort("perception").Eval(estimator.GetMyContextFromRoot(root)) is None
+
+
+def test_every_input_is_connected(diagram):
+    for system in diagram.GetSystems():
+        connected = {(t.get_name(), int(i)) for t, i in diagram.connection_map()}
+        for i in range(system.num_input_ports()):
+            assert (system.get_name(), i) in connected, system.get_input_port(InputPortIndex(i)).get_name()
+
+
+def test_pouring_is_a_function_of_the_seed(scenario, catalogue):
+    one, same = pour_scene(scenario, catalogue), pour_scene(scenario, catalogue)
+    assert one.keys() == same.keys()
+    for label, X_WO in one.items():
+        np.testing.assert_array_equal(X_WO, same[label])
+
+
+def test_a_short_run_ends_by_itself_and_its_record_holds_together(catalogue):
+    text = "{objects: {labels: [sugar]}, simulated_detector: {miss_rate: 0, wrong_label_rate: 0, false_boxes: 0}}"
+    scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
+    episode = run(scenario, catalogue)
+    assert episode.outcome == "cleared"
+    for step, perception in enumerate(episode.perceptions):
+        held = {perception.step, perception.frame.observation, perception.posterior.observation}
+        assert held == {step}, "frame, detections, associations and belief of a record are of one observation"
+        assert perception.prior.observation == step - 1
+        assert all(track.seen <= step for track in perception.posterior.tracks)
+    summary = score(episode, scenario, catalogue, versions={})
+    validate_summary(summary)
+    assert summary["objects_sorted"] == summary["objects_total"] == 1
+    assert summary["attempts"][-1]["outcome"] == "sorted"
