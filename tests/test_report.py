@@ -142,7 +142,7 @@ def test_a_finished_run(run_folder: Path) -> None:
     assert all(address.startswith("data:image/jpeg;base64,") for address in page.addresses)
     assert "http" not in text and "url(" not in text and "<script" not in text
     for words in (
-        "seed 7", "stopped: no object can be attempted", "0 of 1", "infeasible", "ik 30", 
+        "seed 7", "stopped: no object can be attempted", "0 of 1", "infeasible", "ik 30",
         "1 of 1 false positives rejected; 1 of 1 true tracks accepted", "3.2 s", "a <b>machine</b>", "random_seed: 7",
     ):  # fmt: skip
         assert words in page.words, words
