@@ -343,7 +343,7 @@ class PoseEstimator:
         flipped = round(config.flipped * n)
         turned = _turn(particles, noise_R, noise_p)
         if flipped:
-            turns = torch.from_numpy(_TURNS[rng.integers(len(_TURNS), size=flipped)]).float()
+            turns = _TURNS[torch.from_numpy(rng.integers(len(_TURNS), size=flipped))]
             flips = _Particles(turned.R_COs[:flipped] @ turns, turned.p_CMs[:flipped])
             turned = _join(flips, turned[flipped:])
         if registered:
@@ -374,11 +374,10 @@ class PoseEstimator:
             counts = self._exact(observation, label, model, best)
         else:
             modes = _modes(particles, scores, config.candidates)
-            turned = _join(
-                modes,
-                *(_Particles(modes.R_COs @ torch.from_numpy(turn).float(), modes.p_CMs) for turn in _TURNS),
-            )
-            for reach in (0.02, 0.02, 0.015, 0.015):
+            few = modes[: config.candidates // 2]
+            turned = _join(modes, *(_Particles(few.R_COs @ turn, few.p_CMs) for turn in _SPINS))
+            # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
+            for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
                 turned = _registered(observation, model, turned, reach)
             candidates = _join(modes, turned)
             rough = self._score(observation, model.show(candidates), config.epsilon)
@@ -502,10 +501,15 @@ def super_fibonacci(n: int, rng: np.random.Generator) -> Array:
     return turned
 
 
-_TURNS = np.stack(
-    [rotation_from_vector(np.eye(3)[i] * angle) for angle in (np.pi, np.pi / 2, -np.pi / 2) for i in range(3)]
-)
+def _about_axes(*angles: float) -> Tensor:
+    turns = [rotation_from_vector(np.eye(3)[i] * np.deg2rad(angle)) for angle in angles for i in range(3)]
+    return torch.from_numpy(np.stack(turns)).float()
+
+
+_TURNS = _about_axes(180, 90, -90)
 """(9, 3, 3): half and quarter turns about an object's axes, which depth hardly tells apart on many a product."""
+_SPINS = _about_axes(*range(30, 360, 30))
+"""(33, 3, 3): all twelfths of a turn."""
 
 
 def _fall(first: float, last: float, share: float) -> float:
