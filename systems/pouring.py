@@ -8,7 +8,15 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Box, Role, SceneGraph
+from pydrake.geometry import (
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Box,
+    GeometryId,
+    ProximityProperties,
+    Role,
+    SceneGraph,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     ModelDirective,
@@ -33,11 +41,11 @@ class PouringConfig:
     """Model of the directives that is poured onto; nothing else of the scene takes part."""
     center: list[float] = dataclasses.field(default_factory=lambda: [0.60, 0.0])
     """Middle of the poured region in the world's x and y."""
-    half_x: float = 0.12
+    half_x: float = 0.15
     """Half the region's extent along x: as far as the arm reaches well."""
     area_per_object: float = 0.013
     """Square metres of the region for each object; sets its extent along y. Less means denser clutter."""
-    half_y_min: float = 0.12
+    half_y_min: float = 0.13
     """Least half-extent along y, for few objects."""
     half_y_max: float = 0.30
     """Largest half-extent along y: more objects pile up."""
@@ -127,22 +135,24 @@ class _Pour:
         self._plant.Finalize()
         self._diagram: Diagram = builder.Build()
 
-    def _add_walls(self) -> list[object]:
-        """Four walls about the region."""
+    def _add_walls(self) -> tuple[list[GeometryId], list[GeometryId]]:
+        """Walls about the region: the two across x, the two across y."""
         height, thickness = 3.0, 0.2
-        walls = []
+        properties = ProximityProperties()
+        # Hydroelastic, since boxes that lean on point contacts rock for ever; slippery, so that little does lean.
+        AddRigidHydroelasticProperties(properties)
+        AddContactMaterial(friction=CoulombFriction(0.05, 0.05), properties=properties)
+        walls: tuple[list[GeometryId], list[GeometryId]] = ([], [])
         for axis in (0, 1):
             for sign in (-1.0, 1.0):
                 p = np.array([*self._config.center, self._top + height / 2])
                 p[axis] += sign * (self._half[axis] + thickness / 2)
                 size = np.array([2.0, 2.0, height])
                 size[axis] = thickness
-                walls.append(
-                    self._plant.RegisterCollisionGeometry(
-                        self._plant.world_body(), RigidTransform(p), Box(*size), f"wall_{axis}{sign:+.0f}",
-                        CoulombFriction(0.2, 0.2),
-                    )
-                )  # fmt: skip
+                wall = self._plant.RegisterCollisionGeometry(
+                    self._plant.world_body(), RigidTransform(p), Box(*size), f"wall_{axis}{sign:+.0f}", properties
+                )
+                walls[axis].append(wall)
         return walls
 
     def run(self, rng: np.random.Generator) -> dict[str, Array]:
@@ -159,9 +169,11 @@ class _Pour:
             simulator.AdvanceTo(context.get_time() + self._config.interval)
         self._settle(simulator, plant_context, "between the walls")
         scene_context = self._scene_graph.GetMyMutableContextFromRoot(context)
-        for wall in self._walls:
-            self._scene_graph.RemoveRole(scene_context, self._plant.get_source_id(), wall, Role.kProximity)
-        self._settle(simulator, plant_context, "after the walls went")
+        # The walls at the sides go first: what leans slumps along the table rather than over its edge.
+        for axis, gone in ((1, "after the walls at the sides went"), (0, "after all walls went")):
+            for wall in self._walls[axis]:
+                self._scene_graph.RemoveRole(scene_context, self._plant.get_source_id(), wall, Role.kProximity)
+            self._settle(simulator, plant_context, gone)
         self._check(context, plant_context)
         return {
             model.label: readonly(self._pose(plant_context, instance).GetAsMatrix4())
@@ -196,19 +208,20 @@ class _Pour:
     def _settle(self, simulator: Simulator, context: Context, stage: str) -> None:
         """Simulates until all objects have been still for long enough."""
         config, step = self._config, 0.05
-        start, still = simulator.get_context().get_time(), 0.0
+        start, still, moving = simulator.get_context().get_time(), 0.0, ""
         while still < config.settled_time - 1e-9:
             now = simulator.get_context().get_time()
             if now - start > config.timeout:
-                raise _Rejected(f"it did not settle in {config.timeout:g} s {stage}")
+                raise _Rejected(f"after {config.timeout:g} s {stage} {moving}")
             simulator.AdvanceTo(now + step)
-            moving = False
+            moving = ""
             for model, instance in zip(self._objects, self._instances, strict=True):
                 velocity = self._plant.GetVelocities(context, instance)  # angular, then linear
-                moving |= bool(np.linalg.norm(velocity[:3]) > config.settled_rate)
-                moving |= bool(np.linalg.norm(velocity[3:]) > config.settled_speed)
+                rate, speed = np.linalg.norm(velocity[:3]), np.linalg.norm(velocity[3:])
+                if rate > config.settled_rate or speed > config.settled_speed:
+                    moving = f"{model.label} moves at {speed:.3f} m/s, {rate:.2f} rad/s"
                 if self._pose(context, instance).translation()[2] < self._top:
-                    raise _Rejected(f"{model.label} fell off the {config.support}")
+                    raise _Rejected(f"{model.label} fell off the {config.support} {stage}")
             still = 0.0 if moving else still + step
 
     def _check(self, root: Context, context: Context) -> None:
