@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="sum-drake",
-        description="SUM, Sequential Scene Understanding and Manipulation, with Drake: perceive a poured table, sort it",
+        description="Sequential Scene Understanding and Manipulation with Drake: perceive a poured table and sort it",
         epilog="example: sum-drake sort --seed 1",
     )
     parser.add_argument("--version", action="version", version=f"sum-drake {__version__}")
@@ -91,7 +91,7 @@ def _add(
 
 
 def _sort(options: argparse.Namespace) -> None:
-    from sum_drake.doctor import require_rendering, versions
+    from sum_drake.doctor import device, require_rendering, versions
     from sum_drake.jsonio import write_json
     from sum_drake.objects import load_catalogue
     from sum_drake.report import write_report
@@ -130,9 +130,9 @@ def _sort(options: argparse.Namespace) -> None:
                 write_whole(options.graphviz, diagram.GetGraphvizString()) if options.graphviz is not None else None
             ),
         )
-    summary = score(episode, scenario, catalogue, versions=versions())
+    summary = score(episode, scenario, catalogue, versions=versions(), device=device())
     write_json(out / "summary.json", summary)
-    write_report(out)
+    write_report(out, catalogue)
     progress.done(
         f"{summary['outcome']}: {summary['objects_sorted']} of {summary['objects_total']} objects sorted, "
         f"{summary['objects_missorted']} missorted, {summary['manipulation_trials']} trials, "

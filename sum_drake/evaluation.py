@@ -28,7 +28,7 @@ from sum_drake.assets import InputError
 from sum_drake.geometry import box_iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.rendering import predicted_box
-from sum_drake.types import Array, Attempt, Box, Frame, Immutable, Perception, Region, Track
+from sum_drake.types import LEAVE, Array, Attempt, Box, Frame, Immutable, Perception, Region, Track
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -42,8 +42,6 @@ MOVED = 0.01
 """An object that moved less than this was not touched to any effect, metres."""
 HEAP = 0.10
 """Objects lie up to this much above the rim of a full bin, metres."""
-LEAVE = "leave"
-"""The goal of what is not to be touched."""
 
 OUTCOMES = {
     "sorted": "the object taken rests in the region it belongs in",

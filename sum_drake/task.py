@@ -13,11 +13,9 @@ from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue, ObjectModel, sample_surface
 from sum_drake.picking import PickConfig, PickPlan, plan_pick_place
 from sum_drake.sensor import back_project
-from sum_drake.types import Array, Attempt, Frame, Perception, Region, Track
+from sum_drake.types import LEAVE, Array, Attempt, Frame, Perception, Region, Track
 
 POLICIES = ("most_likely",)
-LEAVE = "leave"
-"""The goal of what is not to be touched."""
 
 
 @dataclasses.dataclass

@@ -235,6 +235,10 @@ class Motion(Immutable):
         return float(sum(segment.trajectory.times[-1] for segment in self.segments))
 
 
+LEAVE = "leave"
+"""The goal of what is not to be touched."""
+
+
 @dataclasses.dataclass(frozen=True)
 class MotionStatus(Immutable):
     """How far the controller is with the motion it was given last."""

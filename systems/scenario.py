@@ -9,7 +9,6 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
-from sum_drake.picking import PickConfig
 
 from sum_drake.assets import MODELS, InputError
 from sum_drake.association import AssociationConfig
@@ -18,10 +17,11 @@ from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import Catalogue
+from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.pouring import PouringConfig
-from sum_drake.task import LEAVE, POLICIES, TaskConfig
-from sum_drake.types import Region, readonly
+from sum_drake.task import POLICIES, TaskConfig
+from sum_drake.types import LEAVE, Region, readonly
 
 SCENARIOS = MODELS / "scenarios" / "sorting.yaml"
 DETECTORS = ("SimulatedDetector",)

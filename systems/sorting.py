@@ -135,7 +135,7 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         seed=seed,
     )
 
-    def decide(perception: Perception, attempts: tuple[Attempt, ...], looks: int, q: Array) -> Pick | Look | Stop:
+    def decide(perception: Perception, attempts: Sequence[Attempt], looks: int, q: Array) -> Pick | Look | Stop:
         with costs.of("planning"):
             return task.decide(perception, attempts, looks, q)
 

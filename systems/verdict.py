@@ -15,8 +15,10 @@ from sum_drake.task import region_of
 from sum_drake.types import Array, Attempt, Frame
 
 
-def score(episode: Episode, scenario: Scenario, catalogue: Catalogue, *, versions: Mapping[str, str]) -> dict[str, Any]:
-    """summary.json of an episode, as plain data."""
+def score(
+    episode: Episode, scenario: Scenario, catalogue: Catalogue, *, versions: Mapping[str, str], device: str
+) -> dict[str, Any]:
+    """summary.json of an episode, as plain data. versions, device: what it ran on, see `doctor`."""
     renderer = DepthRenderer(catalogue)
     truths = [
         _truth_at(episode.truth, perception.step, perception.frame, renderer) for perception in episode.perceptions
@@ -48,7 +50,7 @@ def score(episode: Episode, scenario: Scenario, catalogue: Catalogue, *, version
         },
         digest=digest(episode.perceptions, episode.attempts, final),
         versions=versions,
-        device="cpu",
+        device=device,
     )
 
 

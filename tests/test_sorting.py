@@ -204,7 +204,7 @@ def test_a_short_run_ends_by_itself_and_its_record_holds_together(catalogue):
         assert held == {step}, "frame, detections, associations and belief of a record are of one observation"
         assert perception.prior.observation == step - 1
         assert all(track.seen <= step for track in perception.posterior.tracks)
-    summary = score(episode, scenario, catalogue, versions={})
+    summary = score(episode, scenario, catalogue, versions={}, device="cpu")
     validate_summary(summary)
     assert summary["objects_sorted"] == summary["objects_total"] == 1
     assert summary["attempts"][-1]["outcome"] == "sorted"

@@ -55,7 +55,7 @@ def simulate_detections(
         rows, columns = np.nonzero(label_image == value)
         if len(rows) < config.min_pixels:
             continue
-        box = (columns.min(), rows.min(), np.ptp(columns) + 1, np.ptp(rows) + 1)
+        box = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
         # Draw everything before deciding, so that one object's fate does not shift the draws of the next.
         missed, mislabelled, lost = rng.random(3) < (
             config.miss_rate, config.wrong_label_rate, config.true_label_lost_rate,
@@ -68,7 +68,7 @@ def simulate_detections(
     for _ in range(rng.poisson(config.false_boxes)):
         w, h = rng.uniform(0.06, 0.22, 2) * width
         h = min(h, height / 2)
-        box = (rng.uniform(0, width - w), rng.uniform(height / 3, height - h), w, h)
+        box = (rng.uniform(0, width - w), rng.uniform(height / 3, height - h), float(w), float(h))
         true = str(rng.choice(labels))
         p_labels = _confidences(true, labels, wrong=False, lost=False, rng=rng)
         detections.append(Detection(box, rng.uniform(0.3, 0.8), sigma_c_rule(p_labels, sigma_c)))
