@@ -66,15 +66,24 @@ class Arm:
         inside: Array = np.all((qs >= lower + margin) & (qs <= upper - margin), axis=-1)
         return inside
 
-    def solutions(self, X_WG: Array, *, near: Array = robot.VIEW, count: int = 32, spread: float = 0.4) -> Array:
+    def solutions(
+        self,
+        X_WG: Array,
+        *,
+        near: Array = robot.VIEW,
+        count: int = 32,
+        spread: float = 0.4,
+        thorough: bool = True,
+    ) -> Array:
         """Joint positions (n, 8), n <= count, that put the hand at X_WG (4, 4); the cheapest first, none if n = 0.
 
         Cheap is what is soon reached from `near` (8,) and far from joint limits. Any two solutions differ by at least
-        `spread` in some joint, so that collisions that rule one out may spare the next.
+        `spread` in some joint, so that collisions that rule one out may spare the next. Where the grid holds nothing, a
+        `thorough` search goes over a fine one, for some 30 ms.
         """
         # The reference's own torso and pan come first, so that its neighbourhood is never missed by the grid.
         found = self._sweep(X_WG, np.append(near[0], self.torsos), np.append(near[1], self.pans), near)
-        if not len(found):  # at the edge of the workspace the solutions can hide between the grid's lines
+        if thorough and not len(found):  # at the edge of the workspace the solutions can hide between the grid's lines
             found = self._sweep(X_WG, np.linspace(0.001, 0.385, 60), np.linspace(-1.595, 1.595, 400), near)
         found = found[np.argsort(_cost(found, near), kind="stable")]
         chosen: list[Array] = []

@@ -57,7 +57,7 @@ class PickConfig:
     grasps: int = 60
     """Grasps examined: two thirds the best ranked, one third spread over the rest."""
     searches: int = 6
-    """Grasps for which paths are searched before the object is given up."""
+    """Grasps for which a place and paths are searched before the object is given up."""
     budget: int = 1500
     """Calls of the termination condition in one path search."""
     speed: float = 1.0
@@ -221,8 +221,8 @@ def plan_pick_place(
         grasp, gap = ranked.grasps[i], float(ranked.gaps[i])
         try:
             pick = _find_pick(arm, scenes, target, ranked.X_WGs[i], gap, grasp.width, q_now)
-            places = _find_places(arm, scenes, pick, target, region, fill, gap, rng)
             searches += 1
+            places = _find_places(arm, scenes, pick, target, region, fill, gap, rng)
             motions = _connect(scenes, pick, places, q_now, gap, int(rng.integers(2**31)))
         except _GivenUp as given_up:
             rejected[given_up.cause] += 1
@@ -354,7 +354,7 @@ def _find_places(
                 X_WO[:2, 3] = region.p_W[:2] + spot * room[:2] - (low + high)[:2] / 2
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
-                for q in arm.solutions(X_WG, near=q_lift, count=2):
+                for q in arm.solutions(X_WG, near=q_lift, count=2, thorough=False):
                     home = _nearest_turns(VIEW, q)
                     options.append((seconds(np.stack([q_lift, q, home])), q, X_WG, X_WO))
         options.sort(key=lambda option: option[0])

@@ -1,0 +1,199 @@
+"""Whole picks and places, judged by scenes of their own."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from sum_drake import picking, robot, timing
+from sum_drake.geometry import apply, inverse, rotation_from_vector, transform
+from sum_drake.grasping import CAUSES, GraspConfig, RankedGrasps, grasp_candidates, rank_grasps
+from sum_drake.kinematics import CONTINUOUS, Arm
+from sum_drake.motion import PlanningScene, solid_of
+from sum_drake.objects import load_catalogue
+from sum_drake.picking import Infeasible, PickConfig, PickPlan, plan_pick_place, plan_retreat
+from sum_drake.types import Grasp, PoseBelief, Region
+
+ARM = Arm()
+CATALOGUE = load_catalogue()
+BIN = Region("non_cleaning_bin", np.array([0.12, 0.62, 0.47]), np.array([0.18, 0.18, 0.18]))
+TABLE = 0.70
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return PlanningScene()
+
+
+def standing(label, x, y, yaw=0.0):
+    """X_WO (4, 4) of an object that stands on the table."""
+    R = rotation_from_vector(np.array([0.0, 0.0, yaw]))
+    return transform(R, np.array([x, y, TABLE + CATALOGUE[label].dimensions[2] / 2]))
+
+
+def from_above(label, X_WO, count=4):
+    """Grasps of an upright box across its thin side, at various heights, as if they had been ranked."""
+    width, _, height = CATALOGUE[label].dimensions
+    grasps, X_WGs = [], []
+    for depth in np.linspace(0.015, 0.027, count):
+        R_OG = np.column_stack([[0, 0, -1.0], [1.0, 0, 0], [0, -1.0, 0]])
+        X_OG = transform(R_OG, np.array([0, 0, height / 2 - depth]))
+        grasps.append(Grasp(label, X_OG, min(width, 0.08), 1.0))
+        X_WGs.append(X_WO @ X_OG)
+    return RankedGrasps(
+        tuple(grasps), np.array(X_WGs), np.full(count, 0.1), np.ones(count), tuple((c, 0) for c in CAUSES)
+    )
+
+
+def plan(scene, label="soup_can", x=0.6, y=0.05, **changes):
+    X_WO = standing(label, x, y)
+    given = {
+        "arm": ARM, "scene": scene, "ranked": from_above(label, X_WO), "X_WO": X_WO, "model": CATALOGUE[label],
+        "region": BIN, "q_now": robot.VIEW, "seed": 3, "config": PickConfig(),
+    }  # fmt: skip
+    return plan_pick_place(**{**given, **changes})
+
+
+def assert_sound(scene, made, model, X_WO, obstacles):
+    """Continuous, within limits, free at .005 rad by scenes set up here, and ending where it should."""
+    segments = made.pick.segments + made.place.segments
+    assert [s.name for s in segments] == [
+        "approach", "reach", "close", "lift", "transport", "open", "retreat", "return",
+    ]  # fmt: skip
+    for before, after in itertools.pairwise(segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    for segment in segments:
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6, segment.name
+        ends = segment.trajectory.velocities[[0, -1]]
+        np.testing.assert_allclose(ends, 0.0, atol=1e-9)
+    others = tuple(solid_of(m, X) for m, X in obstacles)
+    hulls = solid_of(model, X_WO).hulls
+    empty = scene.with_solids(others)
+    whole = scene.with_solids((*others, solid_of(model, X_WO, "target")))
+    holding = empty.holding(hulls, inverse(made.X_WG) @ X_WO)
+    for segment in segments:
+        # Slow enough that no joint moves by more than .005 between samples.
+        qs = timing.sample(segment.trajectory, 0.004 / np.abs(segment.trajectory.velocities).max().clip(0.1))
+        judge = {"approach": whole, "transport": holding}.get(segment.name, empty)
+        gap = segment.gap if segment.gap > 0 else made.grasp.width
+        assert judge.with_gap(gap).free_many(qs).all(), segment.name
+    # The held object comes off the table and stays clear of it.
+    lift = timing.sample(segments[3].trajectory, 0.02)
+    assert holding.with_gap(made.grasp.width).free_many(lift)[-10:].all()
+    turns = (segments[-1].trajectory.positions[-1] - robot.VIEW) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.where(CONTINUOUS, np.round(turns), 0.0), atol=1e-6)
+    # The object is let go inside the region.
+    np.testing.assert_allclose(made.X_WG_place @ inverse(made.X_WG) @ X_WO, made.X_WO_place, atol=1e-9)
+    np.testing.assert_allclose(ARM.forward(segments[5].trajectory.positions[0]), made.X_WG_place, atol=1e-6)
+
+
+def assert_lands_in(region, made, model):
+    corners = apply(made.X_WO_place, np.concatenate(solid_of(model, np.eye(4)).hulls))
+    assert (np.abs(corners[:, :2] - region.p_W[:2]).max(0) <= region.half_extents[:2]).all()
+    assert region.floor_height < corners[:, 2].min() < region.rim_height
+
+
+def test_an_object_is_picked_and_placed(scene):
+    made = plan(scene)
+    assert isinstance(made, PickPlan)
+    assert_sound(scene, made, CATALOGUE["soup_can"], standing("soup_can", 0.6, 0.05), [])
+    assert_lands_in(BIN, made, CATALOGUE["soup_can"])
+    assert made.pick.duration + made.place.duration < 30
+    assert made.grasp_candidates == 4
+
+
+def test_a_real_grasp_in_a_cluttered_scene(scene):
+    model, X_WO = CATALOGUE["mug"], standing("mug", 0.62, -0.05, 0.4)
+    obstacles = [(CATALOGUE[label], standing(label, x, y)) for label, x, y in
+                 (("sugar", 0.62, 0.13), ("shampoo", 0.72, -0.12), ("soup_can", 0.5, -0.2))]  # fmt: skip
+    points_W = np.concatenate([apply(X, np.asarray(m.load_mesh().vertices)) for m, X in obstacles])
+    config = GraspConfig()
+    ranked = rank_grasps(
+        grasp_candidates(model, config=config, seed=0), model=model, X_WO=X_WO,
+        belief=PoseBelief(X_WO[None], np.ones(1)), points_W=points_W, table_height=TABLE, config=config,
+    )  # fmt: skip
+    made = plan(scene, ranked=ranked, model=model, X_WO=X_WO, obstacles=obstacles, points_W=points_W)
+    assert isinstance(made, PickPlan)
+    assert_sound(scene, made, model, X_WO, obstacles)
+    assert_lands_in(BIN, made, model)
+
+
+def test_the_same_question_has_the_same_answer(scene):
+    one, two = plan(scene), plan(scene)
+    assert isinstance(one, PickPlan)
+    assert isinstance(two, PickPlan)
+    for a, b in zip(one.pick.segments + one.place.segments, two.pick.segments + two.place.segments, strict=True):
+        np.testing.assert_array_equal(a.trajectory.positions, b.trajectory.positions)
+        np.testing.assert_array_equal(a.trajectory.times, b.trajectory.times)
+    three = plan(scene, seed=4)
+    assert isinstance(three, PickPlan)
+    assert not np.allclose(three.X_WO_place, one.X_WO_place)  # things do not pile up on one spot
+
+
+def test_out_of_reach_is_said_so(scene):
+    made = plan(scene, x=1.6)
+    assert isinstance(made, Infeasible)
+    assert made.reason == "ik"
+    assert made.rejected_by[-1] == ("ik", 4)
+
+
+def test_no_grasps_are_said_so(scene):
+    ranked = RankedGrasps((), np.empty((0, 4, 4)), np.empty(0), np.empty(0), (("table", 7),))
+    made = plan(scene, ranked=ranked)
+    assert isinstance(made, Infeasible)
+    assert (made.reason, made.grasp_candidates, made.rejected_by) == ("no_grasp", 7, (("table", 7),))
+
+
+def test_what_is_in_the_way_of_the_hand_is_named(scene):
+    X_WO = standing("soup_can", 0.6, 0.05)
+    lid = X_WO.copy()
+    lid[2, 3] += 0.12
+    made = plan(scene, obstacles=[(CATALOGUE["cracker_box"], lid)])
+    assert isinstance(made, Infeasible)
+    assert made.reason == "grasp_collision"
+    assert dict(made.rejected_by)["grasp_collision_cracker_box"] == 4
+    assert sum(count for _, count in made.rejected_by) == made.grasp_candidates
+
+
+def test_a_region_out_of_reach_is_said_so(scene):
+    far = dataclasses.replace(BIN, p_W=np.array([0.0, 2.5, 0.5]))
+    made = plan(scene, region=far)
+    assert isinstance(made, Infeasible)
+    assert made.reason == "place_ik"
+
+
+def test_an_arm_that_touches_something_does_not_start(scene):
+    palm = apply(ARM.forward(robot.VIEW), np.array([[np.mean(robot.HAND.palm_x), 0.0, 0.0]]))
+    made = plan(scene, points_W=palm)
+    assert isinstance(made, Infeasible)
+    assert made.reason == "start_in_collision"
+
+
+def test_points_of_believed_objects_are_no_obstacles_of_their_own():
+    model, X_WO = CATALOGUE["soup_can"], standing("soup_can", 0.6, 0.05)
+    surface = apply(X_WO, np.asarray(model.load_mesh().vertices))
+    stray = surface[:5] + np.array([0.0, 0.3, 0.0])
+    left = picking._unexplained(np.concatenate([surface, stray]), [solid_of(model, X_WO)], 0.012)
+    np.testing.assert_array_equal(left, stray)
+
+
+@pytest.mark.parametrize("z", [0.76, 0.95])
+def test_the_way_back_opens_rises_and_returns(scene, z):
+    X_WG = np.eye(4)
+    X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    X_WG[:3, 3] = [0.6, -0.1, z]
+    q_now = ARM.solve(X_WG)
+    motion = plan_retreat(arm=ARM, scene=scene, q_now=q_now, motion_id=5, seed=0, config=PickConfig())
+    assert motion.id == 5
+    assert [s.name for s in motion.segments] == ["open", "retreat", "return"]
+    assert all(s.gap == robot.HAND.gap_max for s in motion.segments)
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q_now)
+    for segment in motion.segments:
+        assert scene.free_many(timing.sample(segment.trajectory, 0.004)).all()
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+    rise = ARM.forward_many(timing.sample(motion.segments[1].trajectory, 0.05))[:, :3, 3]
+    assert np.abs(rise[:, :2] - rise[0, :2]).max() < 0.003
+    assert rise[-1, 2] > rise[0, 2] + 0.04
+    turns = (motion.segments[-1].trajectory.positions[-1] - robot.VIEW) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.where(CONTINUOUS, np.round(turns), 0.0), atol=1e-6)
