@@ -36,7 +36,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial.transform import Rotation
 
-from sum_drake.geometry import inverse, rotation_angle, rotation_from_vector, transform
+from sum_drake.geometry import apply, inverse, rotation_angle, rotation_from_vector, transform
 from sum_drake.grasping import GraspConfig, grasp_candidates, rank_grasps, surface
 from sum_drake.objects import Catalogue, ObjectModel, load_catalogue
 from sum_drake.robot import HAND
@@ -192,13 +192,14 @@ def pick(model: ObjectModel, X_WO: Array, X_WG: Array, gap: float) -> Trial:
     X_GO_end = inverse(world.X_WG()) @ world.X_WO()
     slip = float(np.linalg.norm(X_GO_end[:3, 3] - X_GO[:3, 3]))
     turn = float(rotation_angle(X_GO[:3, :3].T @ X_GO_end[:3, :3]))
-    held = world.X_WO()[2, 3] - X_WO[2, 3] > LIFT - 0.05 and world.gap() > 0.001
+    p_OQs = surface(model, 0.003).p_OQs
+    held = apply(world.X_WO(), p_OQs)[:, 2].min() > TABLE + 0.01 and bool(world.X_WO()[2, 3] - X_WO[2, 3] > 0.02)
     return Trial(bool(held), slip, turn, closed)
 
 
 def evaluate(catalogue: Catalogue, labels: list[str], poses: int, grasps: int, noise: float, seed: int) -> None:
     config = GraspConfig()
-    held = trials = 0
+    held = firm = trials = 0
     for number, label in enumerate(labels):
         model = catalogue[label]
         candidates = grasp_candidates(model, config=config, seed=0)
@@ -217,6 +218,7 @@ def evaluate(catalogue: Catalogue, labels: list[str], poses: int, grasps: int, n
                 for i in range(min(grasps, len(ranked.grasps)))
             ]
             held += sum(r.held for r in results)
+            firm += sum(r.held and r.slip < 0.02 and r.turn < np.radians(15) for r in results)
             trials += grasps
             shown = " ".join(
                 f"{'ok' if r.held else 'LOST'}({1e3 * r.slip:.0f}mm {np.degrees(r.turn):.0f}°)" for r in results
@@ -224,7 +226,7 @@ def evaluate(catalogue: Catalogue, labels: list[str], poses: int, grasps: int, n
             rejected = {k: v for k, v in ranked.rejected_by if v}
             lines.append(f"   pose {pose}: {len(ranked.grasps):3d} left, rejected {rejected}: {shown or 'NO GRASP'}")
         print(f"{label}: {len(candidates)} candidates", *lines, sep="\n", flush=True)
-    print(f"held {held} of {trials}")
+    print(f"held {held}, of them firmly {firm} (slip < 2 cm, turn < 15°), of {trials}")
 
 
 def _noise(rng: np.random.Generator, count: int, metres: float, radians: float) -> Array:

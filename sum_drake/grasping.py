@@ -36,7 +36,9 @@ class GraspConfig:
     """How grasps are generated and ranked; SI units."""
 
     samples: int = 500
-    """Surface points on which hand frames are set up."""
+    """Pairs of opposite contacts on which hand frames are set up."""
+    thin: float = 0.035
+    """Where the object is thinner than this, half of the samples are placed: handles and rims are small."""
     spacing: float = 0.003
     """Mean distance of the points that stand for the object's surface when the hand is tested against it."""
     directions: int = 8
@@ -323,49 +325,57 @@ def surface(model: ObjectModel, spacing: float) -> Surface:
 def _candidates(model: ObjectModel, settings: tuple[Any, ...], seed: int) -> tuple[Grasp, ...]:
     config = GraspConfig(*settings)
     cloud = surface(model, config.spacing)
-    count = min(config.samples, len(cloud.p_OQs))
+    count = min(4 * config.samples, len(cloud.p_OQs))
     start = int(np.random.default_rng(seed).integers(len(cloud.p_OQs) - count + 1))
-    samples = np.arange(start, start + count)
+    samples, widths = _opposite_contacts(model, cloud, np.arange(start, start + count), config)
+    thin, thick = np.flatnonzero(widths < config.thin), np.flatnonzero(widths >= config.thin)
+    half = config.samples // 2
+    chosen = np.concatenate(
+        [_every(thin, max(half, config.samples - len(thick))), _every(thick, max(half, config.samples - len(thin)))]
+    )
+    samples, widths = samples[chosen], widths[chosen]
     axes = _principal_directions(cloud, samples)
     found: list[tuple[Array, float, float]] = []
-    for sample, width in _opposite_contacts(model, cloud, samples, config):
-        found += _grasps_across(
-            cloud, cloud.p_OQs[sample], cloud.normals_O[sample], axes[sample - start], width, config
-        )
+    for sample, axis, width in zip(samples, axes, widths, strict=True):
+        found += _grasps_across(cloud, cloud.p_OQs[sample], cloud.normals_O[sample], axis, width, config)
     if not found:
         return ()
-    X_OGs, widths, qualities = (np.array(column) for column in zip(*found, strict=True))
+    X_OGs, touched, qualities = (np.array(column) for column in zip(*found, strict=True))
     return tuple(
-        Grasp(model.label, readonly(X_OGs[i]), float(widths[i]), float(qualities[i]))
+        Grasp(model.label, readonly(X_OGs[i]), float(touched[i]), float(qualities[i]))
         for i in _spread(X_OGs, qualities, config.candidates)
     )
 
 
+def _every(indices: Indices, count: int) -> Indices:
+    """At most `count` of the indices, evenly picked."""
+    return indices if len(indices) <= count else indices[np.arange(count) * len(indices) // count]
+
+
 def _opposite_contacts(
     model: ObjectModel, cloud: Surface, samples: Indices, config: GraspConfig
-) -> list[tuple[int, float]]:
-    """(sample, width) wherever the line into the surface at a sample leaves the object within the hand's reach, through
-    a surface that the other pad can press on. A thin wall and what lies behind it give one each.
+) -> tuple[Indices, Array]:
+    """Samples and widths (n,) wherever the line into the surface at a sample leaves the object within the hand's reach,
+    through a surface that the other pad can press on. A thin wall and what lies behind it give one each.
     """
-    p, d = cloud.p_OQs[samples], -cloud.normals_O[samples]
-    t, leaving = _crossings(model, p, d)
-    eps = 1e-5
-    step = np.where(np.isfinite(t), np.where(leaving > 0, -1, 1), 0)
-    # Shells may overlap (a handle's end sunk into a jug): count how deep inside of them the line runs. Walking
-    # backwards from the sample, entering and leaving are exchanged.
-    buried = (np.where(t < -eps, step, 0)).sum(1) > 0
     cone = np.cos(np.arctan(config.friction))
-    pairs = []
-    for row in np.flatnonzero(~buried):
-        hits = np.flatnonzero(t[row] > eps)
-        hits = hits[np.argsort(t[row, hits])]
-        inside = 1 + np.cumsum(step[row, hits])
-        for hit, depth in zip(hits, inside, strict=True):
-            if t[row, hit] > HAND.gap_max - 2 * config.min_clearance:
-                break
-            if depth <= 0 and leaving[row, hit] > cone:
-                pairs.append((int(samples[row]), float(t[row, hit])))
-    return pairs
+    reach = HAND.gap_max - 2 * config.min_clearance
+    eps = 1e-5
+    found: list[tuple[int, float]] = []
+    for some in np.array_split(samples, -(-len(samples) // 250)):  # bounds the memory
+        ts, cosines = _crossings(model, cloud.p_OQs[some], -cloud.normals_O[some])
+        for sample, t, cosine in zip(some, ts, cosines, strict=True):
+            # Shells may overlap (a handle's end sunk into a jug): count in how many the line runs. Walking backwards
+            # from the sample, entering and leaving are exchanged.
+            step = np.where(cosine > 0, -1, 1)
+            if step[t < -eps].sum() > 0:
+                continue  # the sample lies inside another shell
+            hits = np.flatnonzero(t > eps)
+            hits = hits[np.argsort(t[hits])]
+            free = 1 + np.cumsum(step[hits]) <= 0
+            good = hits[free & (t[hits] < reach) & (cosine[hits] > cone)]
+            found += [(int(sample), float(width)) for width in t[good]]
+    return np.array([sample for sample, _ in found], dtype=np.intp), np.array([width for _, width in found])
 
 
 def _crossings(model: ObjectModel, p: Array, d: Array) -> tuple[Array, Array]:
