@@ -1,0 +1,131 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from sum_drake.assets import MODELS
+from sum_drake.cli import RUN_FILES, main
+from sum_drake.evaluation import validate_summary
+from sum_drake.runlog import read_run_log
+
+ONE_EASY_OBJECT = (
+    "{objects: {labels: [soup_can]},"
+    " simulated_detector: {miss_rate: 0, wrong_label_rate: 0, false_boxes: 0}}"
+)  # fmt: skip
+
+
+def refused(capsys, *arguments):
+    """The one line on stderr of a call that must be refused as bad input."""
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    lines = err.splitlines()
+    assert len(lines) == 1, err
+    assert lines[0].startswith("sum-drake: ")
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scenario-text", "{fliter: paper}"], ["fliter", "expected one of"]),
+        (["--scenario-text", "{objects: {labels: [unicorn]}}"], ["unicorn", "tide"]),
+        (["--objects", "16"], ["16 objects", "1 to 15"]),
+        (["--objects", "0"], ["0 objects", "1 to 15"]),
+        (["--seed", "-3"], ["random_seed -3"]),
+        (["--scenario-file", "nowhere.yaml"], ["nowhere.yaml"]),
+        (["--scenario-name", "nothing"], ["nothing", "sorting"]),
+        (["--catalogue", "nowhere.yaml"], ["nowhere.yaml"]),
+        (["--graphviz", "no/such/folder/diagram.dot"], ["diagram.dot"]),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2_and_leaves_nothing(capsys, tmp_path, arguments, words):
+    out = tmp_path / "run"
+    line = refused(capsys, "sort", "--out", str(out), *arguments)
+    for word in words:
+        assert word in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_and_a_broken_mesh_are_named(capsys, tmp_path):
+    catalogue = tmp_path / "objects.yaml"
+    catalogue.write_text("objects: {box: {mesh: box.obj, category: cleaning}}")
+    assert "box.obj" in refused(capsys, "sort", "--catalogue", str(catalogue), "--out", str(tmp_path / "run"))
+    (tmp_path / "box.obj").write_text("this is no mesh")
+    assert "box.obj" in refused(capsys, "sort", "--catalogue", str(catalogue), "--out", str(tmp_path / "run"))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_is_not_overwritten_unless_that_is_said_and_nothing_else_ever(capsys, tmp_path):
+    (tmp_path / "summary.json").write_text("{}")
+    assert "--force" in refused(capsys, "sort", "--out", str(tmp_path))
+    (tmp_path / "thesis.tex").write_text("years of work")
+    assert "thesis.tex" in refused(capsys, "sort", "--out", str(tmp_path), "--force")
+    assert (tmp_path / "summary.json").read_text() == "{}"
+    file = tmp_path / "thesis.tex"
+    assert "a file" in refused(capsys, "sort", "--out", str(file), "--force")
+
+
+def test_report_of_nothing_is_refused(capsys, tmp_path):
+    assert "no such folder" in refused(capsys, "report", str(tmp_path / "none"))
+    (tmp_path / "report.html").write_text("")
+    assert "--force" in refused(capsys, "report", str(tmp_path))
+
+
+def test_unknown_commands_exit_with_2(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["juggle"])
+    assert stop.value.code == 2
+
+
+def test_every_command_has_help_with_an_example(capsys):
+    for command in (["sort"], ["objects", "list"], ["objects", "check"], ["objects", "render"], ["report"], ["doctor"]):
+        with pytest.raises(SystemExit) as stop:
+            main([*command, "--help"])
+        assert stop.value.code == 0
+        assert f"example: sum-drake {' '.join(command)}" in capsys.readouterr().out
+
+
+def test_help_does_not_load_drake_or_torch():
+    code = (
+        "import sys, sum_drake.cli\n"
+        "try: sum_drake.cli.main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('pydrake', 'torch', 'trimesh', 'ompl') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_objects_list_and_check_name_all_fifteen(capsys):
+    for what in ("list", "check"):
+        assert main(["objects", what]) == 0
+        out = capsys.readouterr().out
+        assert all(path.name in out for path in (MODELS / "objects").iterdir() if (path / f"{path.name}.obj").exists())
+
+
+def test_two_processes_with_one_seed_make_the_same_run(tmp_path):
+    """The main job from end to end: pours, perceives, picks, places, sees that the table is clear, and says so."""
+    command = [sys.executable, "-m", "sum_drake.cli", "sort", "--seed", "4", "--scenario-text", ONE_EASY_OBJECT]
+    dot = tmp_path / "diagram.dot"
+    runs = [
+        subprocess.Popen([*command, "--out", str(tmp_path / "one"), "--graphviz", str(dot)], stderr=subprocess.PIPE),
+        subprocess.Popen([*command, "--out", str(tmp_path / "two"), "--quiet"], stderr=subprocess.PIPE),
+    ]
+    errors = [run.communicate()[1].decode() for run in runs]
+    assert [run.returncode for run in runs] == [0, 0], errors
+    assert "observation 0" in errors[0]
+    assert errors[1] == "", "--quiet"
+    one, two = (json.loads((tmp_path / name / "summary.json").read_text()) for name in ("one", "two"))
+    validate_summary(one)
+    assert one["digest"] == two["digest"]
+    assert one["outcome"] == "cleared"
+    assert one["objects_sorted"] == 1
+    assert {path.name for path in (tmp_path / "one").iterdir()} == set(RUN_FILES)
+    log = read_run_log(tmp_path / "one" / "run.mcap")
+    assert len(log.perceptions) == len(one["observations"])
+    assert "<html" in (tmp_path / "one" / "report.html").read_text()
+    assert "sorting_planner" in dot.read_text()
+    # The resolved scenario alone brings the run back.
+    assert "soup_can" in (tmp_path / "one" / "scenario.yaml").read_text()
