@@ -236,11 +236,11 @@ def scotch_brite() -> Product:
     scrub.speckle(0.10, 3, 4)
     scrub.speckle(0.05, 4, 9)
     return Product(
-        "scotch_brite", "cleaning", "box", 0.04,
-        "3M Scotch-Brite heavy duty scrub sponge, 4.5 x 2.7 x 0.6 in (114 x 69 x 15 mm); damp",
+        "scotch_brite", "cleaning", "box", 0.06,
+        "3M Scotch-Brite heavy duty scrub sponge, 4.5 x 2.7 x 0.6 in (114 x 69 x 15 mm); wet",
         [part], [box((x, y, z), (0, 0, z / 2))],
         {"side": ((0, 448, 512, 64), side), "foam": ((0, 0, 512, 224), foam), "scrub": ((0, 224, 512, 224), scrub)},
-        modulus=5e5,
+        modulus=1e6,
     )  # fmt: skip
 
 

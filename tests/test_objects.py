@@ -1,0 +1,289 @@
+"""The catalogue and the fifteen objects behind it."""
+
+import itertools
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from sum_drake.assets import PACKAGE_XML, InputError
+from sum_drake.geometry import inverse, pose_error, rotation_from_vector, transform
+from sum_drake.objects import (
+    Catalogue,
+    check,
+    describe,
+    load_catalogue,
+    render_contact_sheet,
+    render_model,
+    sample_surface,
+)
+from sum_drake.robot import HAND
+
+PAPER = (
+    "tide", "downy", "clorox", "spray_bottle", "scotch_brite", "shampoo", "sugar", "ranch", "waterpot", "toy",
+)  # fmt: skip
+CATALOGUE = load_catalogue()
+
+
+@pytest.fixture(scope="module")
+def catalogue() -> Catalogue:
+    return CATALOGUE
+
+
+def write(path: Path, text: str) -> Path:
+    file = path / "objects.yaml"
+    file.write_text(text)
+    return file
+
+
+def box_obj(path: Path, extents: tuple[float, float, float] = (0.1, 0.05, 0.08)) -> Path:
+    file = path / "box.obj"
+    trimesh.creation.box(extents).export(file)
+    return file
+
+
+# --- the fifteen -----------------------------------------------------------------------------------------------------
+
+
+def test_the_papers_ten_and_five_of_a_kitchen(catalogue: Catalogue) -> None:
+    assert len(catalogue) == 15
+    assert set(PAPER) <= set(catalogue.labels)
+    assert catalogue.categories == ("cleaning", "non-cleaning")
+    assert {m.label for m in catalogue.models if m.category == "cleaning"} == {
+        "tide", "downy", "clorox", "spray_bottle", "scotch_brite",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_visual_mesh_is_closed_smooth_and_centred(catalogue: Catalogue, label: str) -> None:
+    model = catalogue[label]
+    mesh = model.load_mesh()
+    assert 1000 <= len(mesh.faces) <= 6000
+    assert mesh.is_watertight and mesh.volume > 0
+    np.testing.assert_allclose(mesh.bounds.mean(0), 0, atol=1e-5)
+    np.testing.assert_allclose(mesh.extents, model.dimensions)
+    text = model.mesh.read_text()
+    assert "\nvn " in text and "\nvt " in text
+    material = model.mesh.with_suffix(".mtl").read_text()
+    assert "Kd 1 1 1" in material and f"map_Kd {label}.png" in material
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_collision_pieces_are_convex_and_follow_the_shape(catalogue: Catalogue, label: str) -> None:
+    model = catalogue[label]
+    pieces = model.load_collision()
+    assert 1 <= len(pieces) <= 14
+    for piece in pieces:
+        assert piece.is_watertight
+        assert piece.volume == pytest.approx(piece.convex_hull.volume, rel=1e-3)
+    # Every point of the surface is near a piece, and no piece sticks out.
+    points, _ = sample_surface(model, 600, np.random.default_rng(0))
+    outside = np.min([_distance_outside(piece, points) for piece in pieces], axis=0)
+    assert np.percentile(outside, 95) < 0.004
+    assert outside.max() < 0.012
+    corners = np.concatenate([piece.vertices for piece in pieces])
+    low, high = model.load_mesh().bounds
+    assert np.all(corners > low - 0.004) and np.all(corners < high + 0.004)
+
+
+def _distance_outside(piece: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """Largest signed distance of points (n, 3) to the planes of a convex piece, at least 0."""
+    offsets = np.einsum("fi,fi->f", piece.face_normals, piece.triangles[:, 0])
+    return np.maximum((points @ piece.face_normals.T - offsets).max(1), 0.0)
+
+
+def _first_hits(mesh: trimesh.Trimesh, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Distances (n,) along rays to the mesh, inf where they miss (Moeller and Trumbore 1997)."""
+    a = mesh.triangles[:, 0]
+    e1, e2 = mesh.triangles[:, 1] - a, mesh.triangles[:, 2] - a
+    distances = np.full(len(origins), np.inf)
+    for k, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
+        h = np.cross(direction, e2)
+        det = np.einsum("ij,ij->i", e1, h)
+        det[np.abs(det) < 1e-14] = np.nan  # parallel
+        u = np.einsum("ij,ij->i", origin - a, h) / det
+        q = np.cross(origin - a, e1)
+        v = q @ direction / det
+        t = np.einsum("ij,ij->i", e2, q) / det
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        if hit.any():
+            distances[k] = t[hit].min()
+    return distances
+
+
+@pytest.mark.parametrize("label", ("tide", "clorox", "mug", "waterpot"))
+def test_handles_are_holes_in_shape_and_in_physics(catalogue: Catalogue, label: str) -> None:
+    """A finger put through the handle along x touches neither the mesh nor a collision piece."""
+    model = catalogue[label]
+    y, z = {"tide": (0.036, 0.028), "clorox": (0.028, 0.045), "mug": (0.036, 0.0), "waterpot": (-0.097, -0.003)}[label]
+    x = np.linspace(-0.05, 0.05, 41)
+    finger = np.column_stack([x, np.full_like(x, y), np.full_like(x, z)])
+    assert np.isinf(_first_hits(model.load_mesh(), finger[:1], np.array([[1.0, 0, 0]]))).all()
+    for piece in model.load_collision():
+        assert _distance_outside(piece, finger).min() > 0.002
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_hand_has_something_to_hold(catalogue: Catalogue, label: str) -> None:
+    """Somewhere two opposite faces are closer than the hand opens, with room to spare."""
+    points, normals = sample_surface(catalogue[label], 200, np.random.default_rng(1))
+    width = _first_hits(catalogue[label].load_mesh(), points - 1e-4 * normals, -normals)
+    assert np.count_nonzero(width < 0.86 * HAND.gap_max) > 20
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_symmetry_is_that_of_the_shape(catalogue: Catalogue, label: str) -> None:
+    """Turned by its group the surface falls on itself, and the object has no other half-turn."""
+    from scipy.spatial import cKDTree
+
+    model = catalogue[label]
+    tree = cKDTree(sample_surface(model, 20_000, np.random.default_rng(2))[0])
+    points, _ = sample_surface(model, 2000, np.random.default_rng(3))
+
+    def misfit(R: np.ndarray) -> float:
+        return float(np.percentile(tree.query(points @ R.T)[0], 95))
+
+    for R in model.symmetry.rotations:
+        assert misfit(R) < 0.004
+    if model.symmetry.axis is not None:
+        assert misfit(rotation_from_vector(0.7 * model.symmetry.axis)) < 0.004
+    for half_turn in (rotation_from_vector(np.pi * axis) for axis in np.eye(3)):
+        _, error = pose_error(np.eye(4), transform(half_turn, np.zeros(3)), model.symmetry)
+        assert error < 1e-6 or misfit(half_turn) > 0.004
+
+
+def test_loads_in_drake_without_a_warning(catalogue: Catalogue, caplog: pytest.LogCaptureFixture) -> None:
+    plant = MultibodyPlant(0.004)
+    parser = Parser(plant)
+    parser.SetStrictParsing()  # warnings are errors
+    parser.package_map().AddPackageXml(str(PACKAGE_XML))
+    with caplog.at_level(logging.WARNING):
+        for label in catalogue.labels:
+            parser.AddModelsFromUrl(f"package://sum_drake/objects/{label}/{label}.sdf")
+        plant.Finalize()
+    assert not caplog.records
+    for label in catalogue.labels:
+        body = plant.GetBodyByName(label)
+        inertia = body.default_spatial_inertia()
+        assert body.default_mass() == pytest.approx(catalogue[label].mass)
+        assert 0.03 <= body.default_mass() <= 1.2
+        assert inertia.IsPhysicallyValid()
+        assert np.all(np.abs(inertia.get_com()) < np.array(catalogue[label].dimensions) / 2)
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_print_shows_in_the_render(catalogue: Catalogue, label: str) -> None:
+    """A texture that does not load leaves one flat hue; ours have several."""
+    image = render_model(catalogue[label], size=160).astype(float)
+    background = np.abs(image - image[0, 0]).max(2) < 3
+    colours = image[~background]
+    assert len(colours) > 1500
+    chroma = colours / np.maximum(colours.sum(1, keepdims=True), 1)  # free of shading
+    assert chroma.std(0).max() > 0.02
+
+
+def test_contact_sheet(catalogue: Catalogue) -> None:
+    sheet = render_contact_sheet(catalogue, ["tide", "mug"])
+    assert sheet.dtype == np.uint8 and sheet.ndim == 3
+    again = render_contact_sheet(catalogue, ["tide", "mug"])
+    np.testing.assert_array_equal(sheet, again)
+
+
+def test_tables_name_every_object(catalogue: Catalogue) -> None:
+    table, lines = describe(catalogue), check(catalogue)
+    assert len(lines) == 15
+    for label, line in zip(catalogue.labels, lines, strict=True):
+        assert label in table and line.startswith(label) and line.endswith("good")
+
+
+# --- sampling --------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.sampled_from(CATALOGUE.labels), st.integers(1, 300), st.integers(0, 2**32 - 1))
+def test_samples_lie_on_the_surface(label: str, n: int, seed: int) -> None:
+    model = CATALOGUE[label]
+    points, normals = sample_surface(model, n, np.random.default_rng(seed))
+    assert points.shape == normals.shape == (n, 3)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
+    half = np.array(model.dimensions) / 2
+    assert np.all(np.abs(points) <= half + 1e-5)
+    again, _ = sample_surface(model, n, np.random.default_rng(seed))
+    np.testing.assert_array_equal(points, again)
+
+
+def test_samples_are_even_over_the_area(catalogue: Catalogue) -> None:
+    points, normals = sample_surface(catalogue["cracker_box"], 4000, np.random.default_rng(0))
+    x, y, z = catalogue["cracker_box"].dimensions
+    front = np.count_nonzero(normals[:, 0] > 0.9) / len(points)
+    assert front == pytest.approx(y * z / (2 * (x * y + y * z + z * x)), abs=0.02)
+
+
+# --- a user's own ----------------------------------------------------------------------------------------------------
+
+
+def test_a_users_mesh_and_category_are_enough(tmp_path: Path) -> None:
+    box_obj(tmp_path)
+    file = write(tmp_path, "objects:\n  mine:\n    mesh: box.obj\n    category: tools\n")
+    catalogue = load_catalogue(file)
+    model = catalogue["mine"]
+    assert model.symmetry.name == "none" and model.sdf is None and model.mass is None
+    np.testing.assert_allclose(sorted(model.dimensions), [0.05, 0.08, 0.1], atol=1e-6)
+    assert len(model.load_collision()) == 1
+    assert "no sdf" in check(catalogue)[0]
+    assert inverse(np.eye(4)).shape == (4, 4)
+
+
+ENTRY = "objects:\n  mine:\n    mesh: box.obj\n    category: tools\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (ENTRY + "    colour: red\n", ("mine", "colour", "expected")),
+        (ENTRY + "    symmetry: round\n", ("mine", "round", "cylinder")),
+        (ENTRY + "    mass: -1\n", ("mine", "mass")),
+        (ENTRY + "    mass: heavy\n", ("mine", "mass")),
+        (ENTRY + "    sdf: none.sdf\n", ("mine", "none.sdf")),
+        (ENTRY + "    collision: piece.obj\n", ("mine", "collision")),
+        (ENTRY + "  mine:\n    mesh: box.obj\n    category: tools\n", ("mine", "twice")),
+        (ENTRY + "things: 1\n", ("things",)),
+        (ENTRY.replace("box.obj", "gone.obj"), ("mine", "gone.obj", "missing")),
+        (ENTRY.replace("box.obj", "objects.yaml"), ("mine", "objects.yaml")),
+        (ENTRY.replace("box.obj", "empty.obj"), ("mine", "empty.obj")),
+        (ENTRY.replace("box.obj", "points.obj"), ("mine", "points.obj", "faces")),
+        (ENTRY.replace("box.obj", "millimetres.obj"), ("mine", "millimetres")),
+        ("objects:\n  mine:\n    mesh: box.obj\n", ("mine", "category")),
+        ("objects: {}\n", ("objects",)),
+        ("- 1\n", ("objects",)),
+        ("objects: [\n", ("YAML",)),
+    ],
+)
+def test_bad_catalogues_name_what_is_wrong_in_one_line(tmp_path: Path, text: str, names: tuple[str, ...]) -> None:
+    box_obj(tmp_path)
+    (tmp_path / "empty.obj").write_text("")
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    trimesh.creation.box((100, 50, 80)).export(tmp_path / "millimetres.obj")
+    with pytest.raises(InputError) as error:
+        load_catalogue(write(tmp_path, text))
+    assert "\n" not in str(error.value)
+    for name in (*names, str(tmp_path)):
+        assert name in str(error.value)
+
+
+def test_unknown_label_and_missing_file(catalogue: Catalogue, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"'soap'.*tide"):
+        catalogue["soap"]
+    with pytest.raises(InputError, match="missing"):
+        load_catalogue(tmp_path / "none.yaml")
+
+
+def test_folder_is_small(catalogue: Catalogue) -> None:
+    files = itertools.chain.from_iterable(model.mesh.parent.iterdir() for model in catalogue.models)
+    assert sum(file.stat().st_size for file in files) < 8e6
