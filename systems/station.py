@@ -162,7 +162,7 @@ def object_render_labels(station: Diagram) -> dict[int, str]:
 
 
 def _look() -> RenderEngineVtkParams:
-    """A bright room: a light behind the robot's left shoulder, a weaker one to its right, one at the camera."""
+    """A bright room: a light behind the robot's left shoulder, weaker ones to its right and ahead, one at the camera."""
 
     def light(direction: tuple[float, float, float], intensity: float, frame: str = "world") -> LightParameter:
         return LightParameter(type="directional", direction=direction, intensity=intensity, frame=frame)
@@ -170,9 +170,10 @@ def _look() -> RenderEngineVtkParams:
     return RenderEngineVtkParams(
         default_clear_color=np.array([0.86, 0.89, 0.92]),
         lights=[
-            light((0.8, -0.5, -1.0), 0.60),
+            light((0.8, -0.5, -1.0), 0.54),
             light((0.1, 0.8, -0.7), 0.28),
-            light((0.0, 0.0, 1.0), 0.42, "camera"),
+            light((-0.9, 0.2, -0.5), 0.30),
+            light((0.0, 0.0, 1.0), 0.44, "camera"),
         ],
     )
 
