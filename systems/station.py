@@ -162,7 +162,7 @@ def object_render_labels(station: Diagram) -> dict[int, str]:
 
 
 def _look() -> RenderEngineVtkParams:
-    """A bright room: a light behind the robot's left shoulder, weaker ones to its right and ahead, one at the camera."""
+    """A bright room: light over the left shoulder, weaker from the right and from ahead, and some from the camera."""
 
     def light(direction: tuple[float, float, float], intensity: float, frame: str = "world") -> LightParameter:
         return LightParameter(type="directional", direction=direction, intensity=intensity, frame=frame)
