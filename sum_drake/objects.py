@@ -125,21 +125,19 @@ def _load_yaml(path: Path) -> Any:
     """Like `yaml.safe_load`, but a repeated key is an error rather than the last one winning."""
     import yaml
 
-    class Loader(yaml.SafeLoader):  # type: ignore[misc]
-        pass
-
-    def mapping(loader: Any, node: Any) -> dict[Any, Any]:
-        keys = [loader.construct_object(key, deep=True) for key, _ in node.value]
+    def check_keys(node: Any) -> None:
+        pairs = node.value if isinstance(node, yaml.MappingNode) else []
+        keys = [key.value for key, _ in pairs]
         for key in keys:
-            if keys.count(key) > 1:
+            if isinstance(key, str) and keys.count(key) > 1:
                 raise InputError(f"{path}: '{key}' is given twice: expected every label and key once")
-        return {
-            key: loader.construct_object(value, deep=True) for key, (_, value) in zip(keys, node.value, strict=True)
-        }
+        for _, child in pairs:
+            check_keys(child)
 
-    Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, mapping)
     try:
-        return yaml.load(path.read_text(), Loader)
+        text = path.read_text()
+        check_keys(yaml.compose(text, Loader=yaml.SafeLoader))
+        return yaml.safe_load(text)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
 

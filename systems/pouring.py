@@ -43,11 +43,11 @@ class PouringConfig:
     """Middle of the poured region in the world's x and y."""
     half_x: float = 0.15
     """Half the region's extent along x: as far as the arm reaches well."""
-    area_per_object: float = 0.013
+    area_per_object: float = 0.016
     """Square metres of the region for each object; sets its extent along y. Less means denser clutter."""
     half_y_min: float = 0.13
     """Least half-extent along y, for few objects."""
-    half_y_max: float = 0.30
+    half_y_max: float = 0.36
     """Largest half-extent along y: more objects pile up."""
     drop_height: float = 0.30
     """Height of an object's lowest possible point over the table when it is let go, unless something is in the way."""
