@@ -17,6 +17,8 @@ from sum_drake.models.objects import paint, products, shapes
 
 HERE = Path(__file__).resolve().parent
 FRICTION = 0.6
+SAGITTA = 5e-4
+"""How far the facets of a round primitive's contact mesh may lie inside it, metres."""
 
 
 def write_visual(product: products.Product, origin: shapes.Array, folder: Path) -> trimesh.Trimesh:
@@ -97,7 +99,7 @@ def sdf(product: products.Product, mesh: trimesh.Trimesh, origin: shapes.Array) 
         elif piece.kind in ("cylinder", "capsule"):
             radius, length = piece.size
             shape = f"<{piece.kind}><radius>{radius:.6g}</radius><length>{length:.6g}</length></{piece.kind}>"
-            hint = 0.35 * radius  # 18 facets: the mesh lies within half a millimetre of the round shape
+            hint = 2 * np.sqrt(2 * SAGITTA * radius)
         else:
             pose = ""
             shape = f"<mesh><uri>{label}_collision_{k}.obj</uri><drake:declare_convex/></mesh>"

@@ -515,7 +515,7 @@ def spray_bottle() -> Product:
         "spray_bottle", "cleaning", "none", 0.55, YCB + "022_windex_bottle, 105 x 270 mm; half used",
         [body, collar, stem, shroud, nozzle, lever],
         [*hulls(rows, [0.0, 0.090, 0.158, 0.206], 14), cylinder((0, 0, 0.196), (0, 0, 0.217), 0.0160),
-         box((0.023, 0.026, 0.030), (0, 0, 0.229)), hull(shroud.vertices[::3]),
+         box((0.023, 0.026, 0.030), (0, 0, 0.229)), hull(shroud.vertices),
          cylinder((0, 0.040, 0.257), (0, 0.0545, 0.257), 0.0093), *capsules(lever_path[2:], 2)],
         {
             "body": (BODY, around(front, back)), "collar": (STRIP[0], ribbed(red, (160, 30, 26))),
@@ -710,9 +710,9 @@ def toy() -> Product:
     return Product(
         "toy", "non-cleaning", "none", 0.09, "our own design, the size of a large bath duck",
         [body, tail, head, scarf, upper, lower, *wings],
-        [*hulls(rows, [rows[0][0], rows[-1][0]], 14), hull(head.vertices[::3]),
-         hull(np.concatenate([upper.vertices, lower.vertices])[::3]), hull(tail.vertices),
-         hull(scarf.vertices[::3]), *(hull(wing.vertices[::3]) for wing in wings)],
+        [*hulls(rows, [rows[0][0], rows[-1][0]], 14), hull(head.vertices),
+         hull(np.concatenate([upper.vertices, lower.vertices])), hull(tail.vertices),
+         hull(scarf.vertices), *(hull(wing.vertices) for wing in wings)],
         {
             "body": ((0, 0, 512, 150), skin), "head": ((0, 150, 512, 226), face), "scarf": ((0, 376, 512, 64), cloth),
             "wing": ((0, 440, 256, 72), feathers), "beak": ((256, 440, 128, 72), orange),

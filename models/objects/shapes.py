@@ -254,9 +254,14 @@ def capsules(path: Array, count: int) -> list[Piece]:
     return [capsule(path[i, :3], path[j, :3], float(path[[i, j], 3:].mean())) for i, j in itertools.pairwise(at)]
 
 
-def hull(points: Array) -> Piece:
-    """The convex hull of `points` (n, 3)."""
-    return Piece("convex", points)
+def hull(points: Array, count: int = 40) -> Piece:
+    """The convex hull of `points` (n, 3), or of the `count` of them that lie farthest apart."""
+    chosen = [int(np.argmax(points[:, 0]))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return Piece("convex", points[chosen])
 
 
 def hulls(sections: Sequence[Section], cuts: Sequence[float], n: int = 14) -> list[Piece]:
@@ -267,7 +272,7 @@ def hulls(sections: Sequence[Section], cuts: Sequence[float], n: int = 14) -> li
         rows = np.array(sections)[(z >= low - 1e-9) & (z <= high + 1e-9)]
         # Few rings are enough, and fewer tetrahedra make contact cheaper.
         keep = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 5)).round().astype(int))
-        pieces.append(hull(np.concatenate([superellipse(tuple(row), n) for row in rows[keep].tolist()])))
+        pieces.append(Piece("convex", np.concatenate([superellipse(tuple(row), n) for row in rows[keep].tolist()])))
     return pieces
 
 
