@@ -45,7 +45,7 @@ class FilterConfig:
     """"default", or "paper": the filter as published. Lengths are in metres, angles in radians."""
     render: str = "views"
     """"views": look up what a pose shows among renders from many directions; "each": render every particle anew."""
-    particles: int = 1000
+    particles: int = 2500
     """At the start."""
     particles_last: int = 250
     """In the last iteration; their number falls geometrically."""
@@ -63,15 +63,15 @@ class FilterConfig:
     """At the start, when there is a prior to go on from."""
     tracking_iterations: int = 3
     """The same for iterations."""
-    epsilon_first: float = 0.02
+    epsilon_first: float = 0.01
     """Inlier distance of the first iteration; falls geometrically."""
     epsilon: float = 0.007
     """Inlier distance of the last iteration."""
-    noise_translation_first: float = 0.02
+    noise_translation_first: float = 0.01
     """Standard deviation, on each axis, of the transition noise of the first iteration; falls geometrically."""
     noise_translation: float = 0.002
     """The same for the last iteration."""
-    noise_rotation_first: float = 0.3
+    noise_rotation_first: float = 0.2
     """The same for rotation vectors, first iteration."""
     noise_rotation: float = 0.03
     """The same, last iteration."""
@@ -175,6 +175,10 @@ class _Shown:
     """(n, k) or (n, 1)."""
 
 
+_POINTS = 200_000
+"""Points of all particles together that are looked at in a step, when points are looked up."""
+
+
 class _Model:
     """An object as the filter sees it: its looks from all sides, on torch."""
 
@@ -198,10 +202,13 @@ class _Model:
         R_COs, p_CMs = particles.R_COs, particles.p_CMs
         rays_C = p_CMs / p_CMs.norm(dim=-1, keepdim=True).clamp(min=1e-6)
         if self.atlas is None:
+            # The more particles, the fewer points of each: many rough looks find more than a few fine ones.
+            every = max(1, len(particles) * self._points.shape[1] // _POINTS)
             rays_O = (rays_C[:, None] @ R_COs).squeeze(1)
             view = (rays_O @ self._directions.T).argmax(-1)
-            p_CPs = self._points[view] @ R_COs.transpose(1, 2) + p_CMs[:, None]
-            return _Shown(p_CPs, self._normals[view] @ R_COs.transpose(1, 2), self._areas[view][:, None])
+            p_CPs = self._points[:, ::every][view] @ R_COs.transpose(1, 2) + p_CMs[:, None]
+            normals_C = self._normals[:, ::every][view] @ R_COs.transpose(1, 2)
+            return _Shown(p_CPs, normals_C, every * self._areas[view][:, None])
         R_CVs = _view_rotations(rays_C)
         R_VOs = R_CVs.transpose(1, 2) @ R_COs
         points, seen = self.atlas.points(R_VOs.double().numpy())
@@ -316,7 +323,7 @@ class PoseEstimator:
                 n = round(_fall(count_first, config.particles_last, i / max(iterations - 1, 1)))
                 weights = _weights(scores, config.effective_share)
                 best = particles[scores.argmax()[None]]
-                particles = _resampled(particles, weights, n, rng)
+                particles = _resampled(particles, weights.double().numpy(), n, rng)
                 particles = self._moved(observation, model, particles, share, epsilon, rng)
                 if config.effective_share > 0:
                     particles = _join(best, particles[1:])
@@ -442,7 +449,7 @@ class PoseEstimator:
         n = config.particles_last
         sigma_p, sigma_R = 3 * config.noise_translation, 2 * config.noise_rotation
         shares = torch.softmax(config.sharpness * (exact - exact.max()), 0) * 0.8 + 0.2 / len(exact)
-        chosen = torch.from_numpy(_ancestors(shares, n, rng))
+        chosen = torch.from_numpy(_ancestors(shares.double().numpy(), n, rng))
         noise_p = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_p
         noise_R = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_R
         # The mode itself stays among the particles.
@@ -475,7 +482,7 @@ def predict(
     if action is None or action.kind == "none":
         return belief
     n = len(belief.weights)
-    X_WOs = belief.X_WOs[_ancestors(torch.from_numpy(np.array(belief.weights)), n, rng)]
+    X_WOs = belief.X_WOs[_ancestors(belief.weights, n, rng)]
     sigma = np.full(n, config.sigma_other)
     if is_target:
         placed = rng.random(n) < (config.w_place if action.released else 0.0)
@@ -508,8 +515,11 @@ def _about_axes(*angles: float) -> Tensor:
 
 _TURNS = _about_axes(180, 90, -90)
 """(9, 3, 3): half and quarter turns about an object's axes, which depth hardly tells apart on many a product."""
-_SPINS = _about_axes(*range(30, 360, 30))
-"""(33, 3, 3): all twelfths of a turn."""
+_ENDS = torch.stack([torch.eye(3), *_about_axes(180)[[1, 2, 0]]])
+_SPINS = torch.cat(
+    [_about_axes(*range(0, 360, 30))[axis::3] @ end for axis in range(3) for end in (_ENDS[0], _ENDS[1 + axis])]
+)[1:]
+"""(71, 3, 3): all twelfths of a turn about each axis, either end up."""
 
 
 def _fall(first: float, last: float, share: float) -> float:
@@ -565,17 +575,16 @@ def _weights(scores: Tensor, effective_share: float) -> Tensor:
     return torch.softmax(low * logs, 0)
 
 
-def _ancestors(weights: Tensor, n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def _ancestors(weights: Array, n: int, rng: np.random.Generator) -> NDArray[np.int64]:
     """Indices (n,) drawn by systematic resampling."""
-    total = np.cumsum(weights.double().numpy())
+    total = np.cumsum(weights)
     marks = (np.arange(n) + rng.random()) / n * total[-1]
     return np.asarray(np.minimum(np.searchsorted(total, marks, side="right"), len(total) - 1))
 
 
-def _resampled(particles: _Particles, weights: "Tensor | Array", n: int, rng: np.random.Generator) -> _Particles:
+def _resampled(particles: _Particles, weights: Array, n: int, rng: np.random.Generator) -> _Particles:
     # In random order, so that any part of them is as good as another.
-    index = rng.permutation(_ancestors(torch.as_tensor(np.array(weights)), n, rng))
-    return particles[torch.from_numpy(index)]
+    return particles[torch.from_numpy(rng.permutation(_ancestors(weights, n, rng)))]
 
 
 def _modes(particles: _Particles, scores: Tensor, limit: int) -> _Particles:

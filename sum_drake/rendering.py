@@ -138,7 +138,7 @@ class DepthRenderer:
         """
         if label not in self._scenes:
             vertices, faces = mesh_arrays(self._catalogue, label)
-            p_OM, radius = _ball(vertices)
+            p_OM, radius = _ball(vertices, faces)
             scene = _Scene(_in_memory(*coarse(vertices, faces, self._faces)), 1)
             self._scenes[label] = (scene, p_OM, radius)
         scene, p_OM, radius = self._scenes[label]
@@ -168,8 +168,8 @@ class Atlas:
     def __init__(
         self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 12, limit: int = 400
     ) -> None:
-        self.p_OM, radius = _ball(vertices)
-        """(3,): the object's middle M, which each tile shows at its centre."""
+        self.p_OM, radius = _ball(vertices, faces)
+        """(3,): the object's middle M, the centroid of its surface, which each tile shows at its centre."""
         self.tile = tile
         self.pixel = 2.02 * radius / tile
         self._columns = columns
@@ -320,8 +320,14 @@ def fibonacci_sphere(n: int) -> Array:
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], -1)
 
 
-def _ball(vertices: Array) -> tuple[Array, float]:
-    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+def _ball(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, float]:
+    """The centroid of a mesh's surface, (3,), and the radius of the ball about it that holds the mesh.
+
+    Not the middle of its extents: about the centroid a turned mug's body stays put, and it is the body that is seen.
+    """
+    corners = vertices[faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    middle: Array = areas @ corners.mean(axis=1) / areas.sum()
     return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 
 
