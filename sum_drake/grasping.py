@@ -252,9 +252,12 @@ def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: flo
     points_W = points_W[np.linalg.norm(points_W - centre, axis=1) < radius]
     lower, upper = _hand_boxes(gaps, approach)
     for i, X_GW in enumerate(inverse(X_WGs)):
-        p_GQ = apply(X_GW, points_W)[:, None]  # (m, 1, 3)
-        outside = np.maximum(lower[i] - p_GQ, p_GQ - upper[i]).max(-1)  # (m, parts)
-        clearances[i] = outside.min(0, initial=np.inf)
+        x, y, z = apply(X_GW, points_W).T
+        y, z = np.abs(y), np.abs(z)  # the boxes are symmetric in both
+        for part in range(len(HAND_PARTS)):
+            along = np.maximum(lower[i, part, 0] - x, x - upper[i, part, 0])
+            across = np.maximum(y - upper[i, part, 1], z - upper[i, part, 2])
+            clearances[i, part] = np.maximum(along, across).min(initial=np.inf)
     return clearances
 
 
