@@ -62,7 +62,7 @@ class PickConfig:
     """Calls of the termination condition in one path search."""
     speed: float = 1.0
     """Share of the joints' speed that the arm goes around things with."""
-    straight_speed: float = 0.8
+    straight_speed: float = 1.0
     """The same for reach, lift and retreat."""
     release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
     """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
@@ -198,7 +198,7 @@ def plan_pick_place(
 
     scene: robot and furniture. X_WO: (4, 4), of the object to move. q_now: (8,). obstacles: the other believed objects
     and their poses. points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
-    filled, metres above its floor. A function of its arguments; about 2 CPU seconds.
+    filled, metres above its floor. A function of its arguments; 2 to 3 CPU seconds.
 
     The hand was tested against points_W when the grasps were ranked, so close to the grasp only furniture and the
     hulls of other objects count; everything counts while the arm goes around things.
