@@ -63,6 +63,8 @@ class PouringConfig:
     """Simulated time after which a pour that does not settle is given up."""
     reach_x: list[float] = dataclasses.field(default_factory=lambda: [0.45, 0.76])
     """World x between which every object's origin must come to rest."""
+    reach_y: tuple[float, float] = (-0.34, 0.34)
+    """The same along y; farther out an object leaves the camera's view."""
     penetration_max: float = 0.002
     """Largest overlap of two bodies at rest."""
     attempts: int = 20
@@ -228,9 +230,9 @@ class _Pour:
         """Nothing out of reach, nothing inside anything else."""
         config = self._config
         for model, instance in zip(self._objects, self._instances, strict=True):
-            x = self._pose(context, instance).translation()[0]
-            if not config.reach_x[0] <= x <= config.reach_x[1]:
-                raise _Rejected(f"{model.label} came to rest out of reach, at x = {x:.2f} m")
+            x, y, _ = self._pose(context, instance).translation()
+            if not (config.reach_x[0] <= x <= config.reach_x[1] and config.reach_y[0] <= y <= config.reach_y[1]):
+                raise _Rejected(f"{model.label} came to rest out of reach, at ({x:.2f}, {y:.2f}) m")
         query = self._scene_graph.get_query_output_port().Eval(self._scene_graph.GetMyContextFromRoot(root))
         for pair in query.ComputePointPairPenetration():
             if pair.depth > config.penetration_max:
