@@ -29,6 +29,8 @@ Indices = NDArray[np.intp]
 
 DEFAULT_MASS = 0.4
 """Kilograms, of objects whose catalogue does not say."""
+RANKING_POINTS = 5000
+"""At most this many surface points are used while ranking, where time is short."""
 
 
 @dataclasses.dataclass
@@ -69,7 +71,7 @@ class GraspConfig:
     """Largest angle between the approach direction and straight down, radians."""
     particles: int = 10
     """Poses drawn from the belief on which a grasp is tried out."""
-    tried: int = 120
+    tried: int = 80
     """At most this many of the best grasps are tried out, and returned."""
     min_survival: float = 0.1
     """Share of those poses for which a grasp must hold."""
@@ -188,7 +190,7 @@ def rank_grasps(
     reject("table", back > HAND.pad_x[1] - HAND.pad_x[0])
     X_WGs[:, :3, 3] -= back[:, None] * X_WGs[:, :3, 0]
     drawn = np.flatnonzero((cause < 0) & (back > 0))
-    lows, highs, qualities[drawn] = _contacts_of(cloud, 3000, inverse(X_WGs[drawn]) @ X_WO, gaps[drawn], config)
+    lows, highs, qualities[drawn] = _contacts_of(cloud, inverse(X_WGs[drawn]) @ X_WO, gaps[drawn], config)
     off_centre = np.abs(lows + highs) > config.min_clearance
     qualities[drawn[off_centre]] = 0.0
     widths[drawn] = highs - lows
@@ -213,7 +215,7 @@ def rank_grasps(
 
     best = np.argsort(-scores, kind="stable")[: min(config.tried, np.count_nonzero(cause < 0))]
     survival = np.ones(len(X_WGs))
-    survival[best] = _survival(cloud, X_WGs[best], gaps[best], belief, config)
+    survival[best] = _survival(cloud, X_WO, X_WGs[best], gaps[best], belief, config)
     reject("belief_too_wide", survival < config.min_survival)
     scores *= survival
     order = best[np.argsort(-scores[best], kind="stable")]
@@ -528,11 +530,9 @@ def _contacts(
     return low, high, np.where(antipodal, quality, 0.0)
 
 
-def _contacts_of(
-    cloud: Surface, count: int, X_GOs: Array, gaps: Array, config: GraspConfig
-) -> tuple[Array, Array, Array]:
-    """`_contacts` of an object at X_GOs (n, 4, 4) in open hands, by the first `count` points of its surface."""
-    p_OQs, normals_O = cloud.p_OQs[:count], cloud.normals_O[:count]
+def _contacts_of(cloud: Surface, X_GOs: Array, gaps: Array, config: GraspConfig) -> tuple[Array, Array, Array]:
+    """`_contacts` of an object at X_GOs (n, 4, 4) in open hands."""
+    p_OQs, normals_O = cloud.p_OQs[:RANKING_POINTS], cloud.normals_O[:RANKING_POINTS]
     results = [
         _contacts(
             apply(X_GO[None], p_OQs), (normals_O @ X_GO[:3, :3].T)[None], gap[None], cloud.area / len(p_OQs), config
@@ -556,26 +556,26 @@ def _spread(X_OGs: Array, qualities: Array, count: int) -> list[int]:
     return [int(i) for i in kept[np.argsort(-qualities[kept], kind="stable")]]
 
 
-def _survival(cloud: Surface, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
+def _survival(cloud: Surface, X_WO: Array, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
     """(n,) share of the belief for which hands at X_WGs reach the object untouched and hold it once closed."""
     # Systematic draw without a random offset: the belief's quantiles, the same every time.
     quantiles = (np.arange(config.particles) + 0.5) / config.particles
-    chosen = np.searchsorted(np.cumsum(belief.weights), quantiles * belief.weights.sum()).clip(
-        max=len(belief.weights) - 1
-    )
-    points = 500
-    p_OQs, normals_O = cloud.p_OQs[:points], cloud.normals_O[:points]
-    X_GWs = inverse(X_WGs)
+    total = np.cumsum(belief.weights)
+    X_WOs = belief.X_WOs[np.searchsorted(total, quantiles * total[-1]).clip(max=len(total) - 1)]
+    p_OQs, normals_O = cloud.p_OQs[:RANKING_POINTS], cloud.normals_O[:RANKING_POINTS]
+    p_GQs_estimated = apply(inverse(X_WGs) @ X_WO, p_OQs)
+    # Far from the hand nothing matters, whichever particle is true.
+    near: Mask = np.all(np.abs(p_GQs_estimated) < [0.06, 0.08, 0.05], axis=-1)  # (n, m)
     survival = np.zeros(len(X_WGs))
-    for X_WO in belief.X_WOs[chosen]:
-        X_GOs = X_GWs @ X_WO
-        p_GQs = apply(X_GOs, p_OQs)  # (n, m, 3)
-        n_Gs = normals_O @ np.swapaxes(X_GOs[:, :3, :3], 1, 2)
-        x, y, z = np.abs(p_GQs[..., 0]), np.abs(p_GQs[..., 1]), np.abs(p_GQs[..., 2])
-        finger = (x < HAND.pad_x[1]) & (z < HAND.pad_half_width)
-        finger &= (y > gaps[:, None] / 2) & (y < gaps[:, None] / 2 + HAND.pad_thickness)
-        palm = (p_GQs[..., 0] < HAND.palm_x[1]) & (p_GQs[..., 0] > HAND.palm_x[0])
-        palm &= (y < HAND.palm_half[0]) & (z < HAND.palm_half[1])
-        _, _, quality = _contacts(p_GQs, n_Gs, gaps, cloud.area / points, config)
-        survival += (quality > 0) & ~(finger | palm).any(1)
-    return survival / config.particles
+    for i, X_GW in enumerate(inverse(X_WGs)):
+        X_GOs = X_GW @ X_WOs
+        p_GQs = apply(X_GOs, p_OQs[near[i]])  # (k, m', 3)
+        n_Gs = normals_O[near[i]] @ np.swapaxes(X_GOs[:, :3, :3], 1, 2)
+        x, y, z = p_GQs[..., 0], np.abs(p_GQs[..., 1]), np.abs(p_GQs[..., 2])
+        finger = (np.abs(x) < HAND.pad_x[1]) & (z < HAND.pad_half_width)
+        finger &= (y > gaps[i] / 2) & (y < gaps[i] / 2 + HAND.pad_thickness)
+        palm = (x < HAND.palm_x[1]) & (y < HAND.palm_half[0]) & (z < HAND.palm_half[1])
+        point_area = cloud.area / len(p_OQs)
+        _, _, quality = _contacts(p_GQs, n_Gs, np.full(len(X_GOs), gaps[i]), point_area, config)
+        survival[i] = np.mean((quality > 0) & ~(finger | palm).any(1))
+    return survival
