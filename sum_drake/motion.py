@@ -290,7 +290,7 @@ class _Edges:
 _ROOMS = (0.5, 1.2, 3.0)
 """How far (seconds at full speed) a search may leave the box spanned by start and goals: near first, where paths are
 short."""
-_SEARCHES = 3
+_SEARCHES = 2
 """Once one search has found a path, this many in all are made: the quickest of them saves more than it costs."""
 
 
