@@ -21,9 +21,10 @@ from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from sum_drake import robot
-from sum_drake.assets import MODELS, InputError, asset
+from sum_drake.assets import InputError, asset
 from sum_drake.kinematics import Arm
 from sum_drake.objects import ObjectModel
+from sum_drake.parsing import add_packages, parser_allowed
 from sum_drake.types import Array, Immutable
 
 SORTING = "package://sum_drake/scenes/sorting.dmd.yaml"
@@ -198,8 +199,9 @@ class PlanningScene:
 def _make_checker(
     directives: str | Sequence[ModelDirective], solids: Sequence[Solid], names: Sequence[str]
 ) -> SceneGraphCollisionChecker:
-    builder = RobotDiagramBuilder(time_step=0.0)
-    builder.parser().package_map().Add("sum_drake", str(MODELS))
+    with parser_allowed():
+        builder = RobotDiagramBuilder(time_step=0.0)
+    add_packages(builder.parser())
     try:
         if isinstance(directives, str):
             builder.parser().AddModels(str(asset(directives)))

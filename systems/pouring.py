@@ -21,15 +21,15 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     ModelDirective,
     ModelDirectives,
-    Parser,
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from sum_drake.assets import PACKAGE_XML, InputError
+from sum_drake.assets import InputError
 from sum_drake.objects import Catalogue, ObjectModel
+from sum_drake.parsing import make_parser
 from sum_drake.types import Array, readonly
 
 
@@ -126,8 +126,7 @@ class _Pour:
         self._plant: MultibodyPlant
         self._scene_graph: SceneGraph
         self._plant, self._scene_graph = AddMultibodyPlant(plant_config, builder)
-        parser = Parser(self._plant)
-        parser.package_map().AddPackageXml(str(PACKAGE_XML))
+        parser = make_parser(self._plant)
         ProcessModelDirectives(ModelDirectives(directives=_only(directives, config.support)), parser)
         self._instances = [parser.AddModels(str(model.sdf))[0] for model in objects]
         self._top = _top(self._plant, self._scene_graph, config.support)
