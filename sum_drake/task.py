@@ -1,6 +1,7 @@
 """What to do next: the sorting task over the belief, as data about goals and regions."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,9 +12,9 @@ from sum_drake.grasping import GraspConfig, grasp_candidates, rank_grasps
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue, ObjectModel, sample_surface
-from sum_drake.picking import PickConfig, PickPlan, plan_pick_place
+from sum_drake.picking import PickConfig, PickPlan, plan_pick_place, plan_retreat
 from sum_drake.sensor import back_project
-from sum_drake.types import LEAVE, Array, Attempt, Frame, Perception, Region, Track
+from sum_drake.types import LEAVE, Array, Attempt, Frame, Motion, Perception, Region, Track
 
 POLICIES = ("most_likely",)
 
@@ -34,6 +35,10 @@ class TaskConfig:
     """What stands less than this above the table is not seen as an object, metres."""
     max_obstacle_points: int = 3000
     """Depth points kept as obstacles."""
+    fill_per_object: float = 0.05
+    """How much higher the robot takes a region to be filled for each object it has let go there, metres."""
+    fill_max: float = 0.16
+    """The most it takes a region to be filled, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -154,12 +159,41 @@ class SortingTask:
             q_now=q,
             obstacles=[(self._catalogue[t.label], t.X_WO) for t in others],
             points_W=obstacles_W,
-            seed=np.random.SeedSequence([self._seed, track.id, step]).generate_state(1)[0],
+            seed=int(np.random.SeedSequence([self._seed, track.id, step]).generate_state(1)[0]),
             config=self._pick_config,
+            fill=self._fill(region, attempts),
         )
         if isinstance(plan, PickPlan):
             return Pick(plan, track, region, ())
         return refusal(plan.reason, plan.grasp_candidates, plan.rejected_by)
+
+    def _fill(self, region: str, attempts: Sequence[Attempt]) -> float:
+        """How high the region must be taken to be filled: nobody looks into the bins."""
+        placed = sum(a.action is not None and a.action.released and a.region == region for a in attempts)
+        return min(placed * self._config.fill_per_object, self._config.fill_max)
+
+    def retreat(self, perception: Perception, q: Array, motion: int) -> Motion:
+        """From where the arm is, (8,), back to the viewing pose with an open hand, under the given motion id.
+
+        Goes around what was last seen. What was pushed about since then may be anywhere, the hand itself may stand
+        where something was: where that leaves no way, only table, bins and robot count. Raises RuntimeError where even
+        then there is none.
+        """
+        points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
+        seen = [(self._catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
+        plan = functools.partial(
+            plan_retreat,
+            arm=self._arm,
+            scene=self._scene,
+            q_now=q,
+            motion_id=motion,
+            seed=int(np.random.SeedSequence([self._seed, motion]).generate_state(1)[0]),
+            config=self._pick_config,
+        )
+        try:
+            return plan(obstacles=seen, points_W=thin(points_W, self._config.max_obstacle_points))
+        except RuntimeError:
+            return plan()
 
 
 def region_of(label: str, goal: Mapping[str, str], catalogue: Catalogue) -> str:

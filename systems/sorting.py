@@ -17,7 +17,6 @@ from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue
-from sum_drake.picking import plan_retreat
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
@@ -120,28 +119,25 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
 
 def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat]:
     """The task's decisions and the way back after a failed pick, on the robot's own model of itself and the table."""
-    arm = Arm()
-    scene = PlanningScene(flat_directives(scenario.directives))
-    seed = derive(scenario.random_seed, "planning")
     task = SortingTask(
         catalogue=catalogue,
-        arm=arm,
-        scene=scene,
+        arm=Arm(),
+        scene=PlanningScene(flat_directives(scenario.directives)),
         regions={name: scenario.region(name) for name in scenario.regions},
         goal=scenario.goal,
         config=scenario.task,
         grasp_config=scenario.grasp,
         pick_config=scenario.pick,
-        seed=seed,
+        seed=derive(scenario.random_seed, "planning"),
     )
 
     def decide(perception: Perception, attempts: Sequence[Attempt], looks: int, q: Array) -> Pick | Look | Stop:
         with costs.of("planning"):
             return task.decide(perception, attempts, looks, q)
 
-    def retreat(q: Array, motion: int) -> Motion:
+    def retreat(perception: Perception, q: Array, motion: int) -> Motion:
         with costs.of("planning"):
-            return plan_retreat(arm=arm, scene=scene, q_now=q, motion_id=motion, seed=seed, config=scenario.pick)
+            return task.retreat(perception, q, motion)
 
     return decide, retreat
 

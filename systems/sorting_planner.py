@@ -13,8 +13,8 @@ from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Per
 
 Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Stop]
 """`task.SortingTask.decide`."""
-Retreat = Callable[[Array, int], Motion]
-"""From where the arm is (8,) back to the viewing pose with an open hand, under the given motion id."""
+Retreat = Callable[[Perception, Array, int], Motion]
+"""`task.SortingTask.retreat`."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -140,8 +140,8 @@ class SortingPlanner(LeafSystem):
         if holds(gap, held.pick.plan.grasp.width):
             motion = self._numbered(held, held.pick.plan.place)
             return dataclasses.replace(held, phase="place", motion=motion, gap_lift=gap, gap_place=gap)
-        next_id = held.motion.id + 1 if held.motion is not None else 0
-        motion = self._retreat(self._arm(context), next_id)
+        assert held.motion is not None
+        motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
         return dataclasses.replace(held, phase="retreat", motion=motion, gap_lift=gap, gap_place=gap)
 
     def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:

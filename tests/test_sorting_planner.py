@@ -48,7 +48,7 @@ class Bench:
             self.asked.append((perception.step, len(attempts), looks))
             return choices.pop(0)
 
-        def retreat(q, motion):
+        def retreat(perception, q, motion):
             return Motion(motion, MOTION.segments)
 
         self.planner = SortingPlanner(decide=decide, retreat=retreat, period=0.1, settle_time=0.5)
