@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
-from sum_drake.picking import PickPlan
 
+from sum_drake.picking import PickPlan
 from sum_drake.robot import HAND, arm_positions, finger_gap
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
