@@ -63,7 +63,7 @@ class PouringConfig:
     """Simulated time after which a pour that does not settle is given up."""
     reach_x: list[float] = dataclasses.field(default_factory=lambda: [0.45, 0.76])
     """World x between which every object's origin must come to rest."""
-    reach_y: tuple[float, float] = (-0.34, 0.34)
+    reach_y: list[float] = dataclasses.field(default_factory=lambda: [-0.34, 0.34])
     """The same along y; farther out an object leaves the camera's view."""
     penetration_max: float = 0.002
     """Largest overlap of two bodies at rest."""
