@@ -41,7 +41,7 @@ def random_scene(catalogue: Catalogue, rng: np.random.Generator) -> tuple[Array,
         spot = rng.uniform([0.45, -0.3], [0.9, 0.3])
         if min(np.linalg.norm(spot - other) for other in spots) > 0.13:
             spots.append(spot)
-    labels = rng.choice(["sugar", "shampoo", "mug", "ranch", "cracker_box"], 3, replace=False)
+    labels = rng.choice(["sugar", "shampoo", "mug", "ranch", "tea"], 3, replace=False)
     obstacles = [
         (catalogue[label], standing(catalogue[label], spot, rng.uniform(-np.pi, np.pi)))
         for label, spot in zip(labels, spots[1:], strict=True)

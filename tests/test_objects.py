@@ -9,10 +9,9 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from sum_drake.assets import PACKAGE_XML, InputError
+from sum_drake.assets import InputError
 from sum_drake.geometry import inverse, pose_error, rotation_from_vector, transform
 from sum_drake.objects import (
     Catalogue,
@@ -23,6 +22,7 @@ from sum_drake.objects import (
     render_model,
     sample_surface,
 )
+from sum_drake.parsing import make_parser
 from sum_drake.robot import HAND
 
 PAPER = (
@@ -78,7 +78,7 @@ def test_visual_mesh_is_closed_smooth_and_centred(catalogue: Catalogue, label: s
 def test_collision_pieces_are_convex_and_follow_the_shape(catalogue: Catalogue, label: str) -> None:
     model = catalogue[label]
     pieces = model.load_collision()
-    assert 1 <= len(pieces) <= 14
+    assert 1 <= len(pieces) <= 12
     for piece in pieces:
         assert piece.is_watertight
         assert piece.volume == pytest.approx(piece.convex_hull.volume, rel=1e-3)
@@ -117,16 +117,30 @@ def _first_hits(mesh: trimesh.Trimesh, origins: np.ndarray, directions: np.ndarr
     return distances
 
 
-@pytest.mark.parametrize("label", ("tide", "clorox", "mug", "waterpot"))
-def test_handles_are_holes_in_shape_and_in_physics(catalogue: Catalogue, label: str) -> None:
-    """A finger put through the handle along x touches neither the mesh nor a collision piece."""
+@pytest.mark.parametrize(
+    ("label", "y", "z", "thickness", "width"),
+    [
+        ("tide", 0.033, 0.018, 0.026, 0.037),
+        ("clorox", 0.020, 0.034, 0.026, 0.037),
+        ("mug", 0.036, 0.0, 0.0, 0.0),
+        ("waterpot", -0.097, -0.003, 0.0, 0.0),
+    ],
+)
+def test_handles_are_holes_in_shape_and_in_physics(
+    catalogue: Catalogue, label: str, y: float, z: float, thickness: float, width: float
+) -> None:
+    """What is put through the handle along x touches neither the mesh nor a collision piece.
+
+    Through a jug's goes a finger (14 x 25 mm) with 6 mm of room all about it.
+    """
     model = catalogue[label]
-    y, z = {"tide": (0.036, 0.028), "clorox": (0.028, 0.045), "mug": (0.036, 0.0), "waterpot": (-0.097, -0.003)}[label]
-    x = np.linspace(-0.05, 0.05, 41)
-    finger = np.column_stack([x, np.full_like(x, y), np.full_like(x, z)])
-    assert np.isinf(_first_hits(model.load_mesh(), finger[:1], np.array([[1.0, 0, 0]]))).all()
+    grid = np.array(list(itertools.product(np.linspace(-0.5, 0.5, 5), repeat=2)))
+    entries = np.column_stack([np.full(25, -0.05), y + thickness * grid[:, 0], z + width * grid[:, 1]])
+    along = np.tile([1.0, 0.0, 0.0], (25, 1))
+    assert np.isinf(_first_hits(model.load_mesh(), entries, along)).all()
+    through = (entries[:, None] + np.linspace(0, 0.1, 41)[:, None] * along[:, None]).reshape(-1, 3)
     for piece in model.load_collision():
-        assert _distance_outside(piece, finger).min() > 0.002
+        assert _distance_outside(piece, through).min() > 0.0
 
 
 @pytest.mark.parametrize("label", CATALOGUE.labels)
@@ -160,9 +174,8 @@ def test_symmetry_is_that_of_the_shape(catalogue: Catalogue, label: str) -> None
 
 def test_loads_in_drake_without_a_warning(catalogue: Catalogue, caplog: pytest.LogCaptureFixture) -> None:
     plant = MultibodyPlant(0.004)
-    parser = Parser(plant)
+    parser = make_parser(plant)
     parser.SetStrictParsing()  # warnings are errors
-    parser.package_map().AddPackageXml(str(PACKAGE_XML))
     with caplog.at_level(logging.WARNING):
         for label in catalogue.labels:
             parser.AddModelsFromUrl(f"package://sum_drake/objects/{label}/{label}.sdf")
@@ -219,8 +232,8 @@ def test_samples_lie_on_the_surface(label: str, n: int, seed: int) -> None:
 
 
 def test_samples_are_even_over_the_area(catalogue: Catalogue) -> None:
-    points, normals = sample_surface(catalogue["cracker_box"], 4000, np.random.default_rng(0))
-    x, y, z = catalogue["cracker_box"].dimensions
+    points, normals = sample_surface(catalogue["tea"], 4000, np.random.default_rng(0))
+    x, y, z = catalogue["tea"].dimensions
     front = np.count_nonzero(normals[:, 0] > 0.9) / len(points)
     assert front == pytest.approx(y * z / (2 * (x * y + y * z + z * x)), abs=0.02)
 

@@ -156,10 +156,10 @@ def test_what_is_in_the_way_of_the_hand_is_named(scene):
     X_WO = standing("soup_can", 0.6, 0.05)
     lid = X_WO.copy()
     lid[2, 3] += 0.12
-    made = plan(scene, obstacles=[(CATALOGUE["cracker_box"], lid)])
+    made = plan(scene, obstacles=[(CATALOGUE["tea"], lid)])
     assert isinstance(made, Infeasible)
     assert made.reason == "grasp_collision"
-    assert dict(made.rejected_by)["grasp_collision_cracker_box"] == 4
+    assert dict(made.rejected_by)["grasp_collision_tea"] == 4
     assert sum(count for _, count in made.rejected_by) == made.grasp_candidates
 
 

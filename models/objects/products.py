@@ -71,21 +71,22 @@ def tide() -> Product:
     """A flat-sided jug; the upper body leaves room for a handle that is a real hole."""
     outline: list[Section] = [
         (0.000, 0.036, 0.074, 4.0, 0, 0), (0.003, 0.0400, 0.0780, 4.2, 0, 0), (0.012, 0.0425, 0.0800, 4.5, 0, 0),
-        (0.095, 0.0425, 0.0800, 4.5, 0, 0), (0.112, 0.0422, 0.0780, 4.5, 0, -0.002),
-        (0.124, 0.0418, 0.0630, 4.2, 0, -0.017), (0.136, 0.0412, 0.0520, 4.0, 0, -0.027),
-        (0.165, 0.0380, 0.0450, 3.2, 0, -0.030), (0.180, 0.0310, 0.0340, 2.4, 0, -0.030),
-        (0.188, 0.0250, 0.0250, 2.0, 0, -0.030), (0.200, 0.0250, 0.0250, 2.0, 0, -0.030),
+        (0.082, 0.0425, 0.0800, 4.5, 0, 0), (0.092, 0.0424, 0.0785, 4.5, 0, -0.0015),
+        (0.101, 0.0420, 0.0600, 4.2, 0, -0.020), (0.109, 0.0415, 0.0480, 4.0, 0, -0.032),
+        (0.125, 0.0412, 0.0455, 3.8, 0, -0.0345), (0.155, 0.0395, 0.0440, 3.4, 0, -0.036),
+        (0.173, 0.0340, 0.0370, 2.6, 0, -0.038), (0.188, 0.0250, 0.0250, 2.0, 0, -0.038),
+        (0.200, 0.0250, 0.0250, 2.0, 0, -0.038),
     ]  # fmt: skip
     rows = smooth(outline, 26)
     body = stack(rows, "body")
     cap_rows: list[Section] = [
-        (0.186, 0.0290, 0.0290, 2.0, 0, -0.030), (0.189, 0.0310, 0.0310, 2.0, 0, -0.030),
-        (0.228, 0.0285, 0.0285, 2.0, 0, -0.030), (0.232, 0.0265, 0.0265, 2.0, 0, -0.030),
+        (0.186, 0.0290, 0.0290, 2.0, 0, -0.038), (0.189, 0.0310, 0.0310, 2.0, 0, -0.038),
+        (0.228, 0.0285, 0.0285, 2.0, 0, -0.038), (0.232, 0.0265, 0.0265, 2.0, 0, -0.038),
     ]  # fmt: skip
     cap = stack(cap_rows, "cap", 32, top="cap_top")
     grip = curve(
-        [(0, -0.002, 0.158, 0.014, 0.012), (0, 0.030, 0.167, 0.0135, 0.0115), (0, 0.058, 0.157, 0.013, 0.0105),
-         (0, 0.0675, 0.132, 0.013, 0.0105), (0, 0.066, 0.100, 0.014, 0.0115)], 18,
+        [(0, -0.010, 0.168, 0.014, 0.012), (0, 0.024, 0.180, 0.0135, 0.0115), (0, 0.054, 0.169, 0.013, 0.0105),
+         (0, 0.0670, 0.138, 0.013, 0.0105), (0, 0.0675, 0.105, 0.013, 0.0105), (0, 0.064, 0.080, 0.014, 0.0115)], 22,
     )  # fmt: skip
     handle = sweep(grip, "handle", 16)
 
@@ -94,10 +95,10 @@ def tide() -> Product:
     front = Panel(width, 0.24, orange)
     front.band(0, 0.018, deep)
     x = width / 2 - 0.004
-    for r, colour in ((0.056, yellow), (0.047, (250, 140, 30)), (0.039, yellow), (0.031, (232, 70, 20))):
-        front.ellipse(x, 0.085, r, r * 0.98, colour)
-    front.text("TIDE", x, 0.087, 0.098, blue, WHITE)
-    front.text("ORIGINAL", x, 0.047, 0.052, WHITE)
+    for r, colour in ((0.050, yellow), (0.042, (250, 140, 30)), (0.035, yellow), (0.028, (232, 70, 20))):
+        front.ellipse(x, 0.078, r, r * 0.96, colour)
+    front.text("TIDE", x, 0.080, 0.094, blue, WHITE)
+    front.text("ORIGINAL", x, 0.046, 0.052, WHITE)
     front.rectangle(x - 0.03, 0.022, x + 0.03, 0.033, blue)
     front.text("48 LOADS", x, 0.0275, 0.045, WHITE)
     back = Panel(width, 0.24, orange)
@@ -109,8 +110,8 @@ def tide() -> Product:
     return Product(
         "tide", "cleaning", "none", 0.95, PACK + "1.89 l (64 fl oz) jug, 85 x 160 x 230 mm; half used",
         [body, cap, handle],
-        [*hulls(rows, [0.0, 0.112, 0.136], 16), *hulls(rows, [0.136, 0.188], 14),
-         cylinder((0, -0.03, 0.186), (0, -0.03, 0.232), 0.0305), *capsules(grip[4:15], 4)],
+        [*hulls(rows, [0.0, 0.092, 0.109], 16), *hulls(rows, [0.109, 0.155, 0.188], 14),
+         cylinder((0, -0.038, 0.186), (0, -0.038, 0.232), 0.0305), *capsules(grip[3:19], 5)],
         {
             "body": (BODY, around(front, back)),
             "cap": (STRIP[0], ribbed(blue, (16, 36, 100))),
@@ -319,43 +320,63 @@ def mug() -> Product:
     )  # fmt: skip
 
 
-def cracker_box() -> Product:
-    """A carton of crackers."""
-    x, y, z = 0.060, 0.158, 0.210
-    red, deep, gold, navy = (206, 38, 34), (160, 20, 24), (250, 200, 70), (24, 40, 96)
-    front = Panel(y, z, red)
-    front.polygon([(0, 0.115), (y, 0.150), (y, z), (0, z)], navy)
-    front.polygon([(0, 0.110), (y, 0.145), (y, 0.150), (0, 0.115)], gold)
-    front.text("CRISPS", y / 2, 0.176, 0.125, WHITE, deep)
-    front.text("golden butter crackers", y / 2 + 0.02, 0.151, 0.10, gold)
-    for cx, cy, r in ((0.050, 0.068, 0.034), (0.098, 0.078, 0.034), (0.082, 0.040, 0.034)):
-        front.ellipse(cx + 0.002, cy - 0.002, r, r, deep)
-        front.ellipse(cx, cy, r, r, (206, 140, 60))
-        front.ellipse(cx, cy, r * 0.93, r * 0.93, (240, 186, 96))
-        for k in range(7):
-            a = k * 2 * np.pi / 6
-            d = 0.0 if k == 6 else 0.58 * r
-            front.ellipse(cx + d * np.cos(a), cy + d * np.sin(a), 0.0018, 0.0018, (176, 112, 44))
-    front.text("NET WT 14.5 OZ (411 g)", y / 2, 0.010, 0.10, WHITE)
-    back = Panel(y, z, red)
-    back.band(0.150, z, navy)
-    back.text("SERVE WITH", y / 2, 0.180, 0.11, WHITE)
-    for k, words in enumerate(("cheese", "soup", "peanut butter")):
-        back.rectangle(0.012, 0.106 - 0.036 * k, y - 0.012, 0.138 - 0.036 * k, (252, 226, 160))
-        back.text(words, 0.066, 0.122 - 0.036 * k, 0.085, deep, tallest=0.012)
-        back.ellipse(y - 0.034, 0.122 - 0.036 * k, 0.012, 0.012, (236, 180, 90))
-    side = Panel(x, z, navy)
-    side.rectangle(0.006, 0.075, x - 0.006, 0.195, WHITE)
-    side.text("NUTRITION FACTS", x / 2, 0.187, 0.042, BLACK)
-    side.small_print(0.010, 0.176, 0.038, 16, 0.006, (60, 60, 60))
-    side.barcode(0.010, 0.02, 0.040, 0.03)
-    lid = Panel(y, x, red)
-    lid.text("CRISPS", y / 2, x / 2, 0.11, WHITE, deep)
-    base = Panel(y, x, (196, 176, 150))
-    base.barcode(0.05, 0.015, 0.05, 0.03)
+def tea() -> Product:
+    """A carton of tea bags."""
+    x, y, z = 0.066, 0.076, 0.132
+    green, pale, gold, cream, amber = (22, 78, 66), (46, 112, 94), (222, 180, 92), (248, 240, 220), (176, 84, 30)
+    front = Panel(y, z, green)
+    for k in range(7):
+        front.polygon([(k * y / 6 - 0.006, z), (k * y / 6, z - 0.007), (k * y / 6 + 0.006, z)], pale)
+    front.rectangle(0, 0.076, y, 0.116, cream)
+    for level in (0.0738, 0.1168):
+        front.band(level, level + 0.0014, gold)
+    front.text("LARKMOOR", y / 2, 0.102, 0.066, green)
+    front.text("ENGLISH BREAKFAST", y / 2, 0.084, 0.062, amber)
+    cup = (y / 2, 0.040)
+    for dx in (-0.007, 0.0, 0.007):  # steam over a cup on its saucer
+        rise = [(cup[0] + dx + 0.0022 * float(np.sin(t)), cup[1] + 0.014 + 0.0024 * t) for t in np.linspace(0, 7, 20)]
+        front.line(rise, 0.0012, pale)
+    front.ring(cup[0] + 0.019, cup[1] + 0.003, 0.0065, 0.0024, cream)
+    front.ellipse(cup[0], cup[1] - 0.014, 0.026, 0.0042, gold)
+    front.polygon([(cup[0] - 0.019, cup[1] + 0.010), (cup[0] + 0.019, cup[1] + 0.010), (cup[0] + 0.016, cup[1] - 0.006),
+                   (cup[0] + 0.010, cup[1] - 0.013), (cup[0] - 0.010, cup[1] - 0.013),
+                   (cup[0] - 0.016, cup[1] - 0.006)], cream)  # fmt: skip
+    front.ellipse(cup[0], cup[1] + 0.010, 0.019, 0.0042, WHITE)
+    front.ellipse(cup[0], cup[1] + 0.0097, 0.0165, 0.0032, amber)
+    front.band(0.0, 0.016, amber)
+    front.text("20 TEA BAGS", y / 2, 0.008, 0.050, WHITE)
+    back = Panel(y, z, green)
+    back.band(0.0, 0.016, amber)
+    back.text("HOW TO BREW", y / 2, 0.120, 0.056, gold)
+    for k, words in enumerate(("one bag a cup", "boiling water", "3 to 5 minutes")):
+        level = 0.101 - 0.017 * k
+        back.ellipse(0.012, level, 0.0058, 0.0058, gold)
+        back.text(str(k + 1), 0.012, level, 0.0052, green)
+        back.text(words, 0.046, level, 0.046, cream)
+    back.rectangle(0.006, 0.020, y - 0.006, 0.055, cream)
+    back.small_print(0.010, 0.051, 0.024, 5, 0.0058, (90, 90, 80))
+    back.barcode(0.038, 0.023, 0.030, 0.028)
+    side = Panel(x, z, green)
+    side.band(0.0, 0.016, amber)
+    side.text("LARKMOOR", x / 2, 0.119, 0.052, gold)
+    side.ellipse(x / 2, 0.082, 0.024, 0.024, gold)
+    side.ellipse(x / 2, 0.082, 0.0228, 0.0228, pale)
+    for dx, dy, angle in ((-0.008, 0.001, 130), (0.008, 0.001, 50), (0.0, 0.008, 90)):  # two leaves and a bud
+        side.ellipse(x / 2 + dx, 0.082 + dy, 0.0125, 0.0046, (150, 196, 96), angle)
+    side.line([(x / 2, 0.086), (x / 2, 0.064)], 0.0014, (150, 196, 96))
+    side.rectangle(0.007, 0.021, x - 0.007, 0.053, cream)
+    side.text("INGREDIENTS", x / 2, 0.049, 0.036, green)
+    side.small_print(0.011, 0.042, 0.044, 4, 0.0055, (90, 90, 80))
+    side.text("50 g", x / 2, 0.008, 0.018, WHITE)
+    lid = Panel(y, x, green)
+    lid.rectangle(0.004, 0.018, y - 0.004, 0.048, cream)
+    lid.text("LARKMOOR", y / 2, 0.037, 0.058, green)
+    lid.text("TEA", y / 2, 0.025, 0.020, amber)
+    base = Panel(y, x, cream)
+    base.text("BEST BEFORE 10 2027", y / 2, x / 2, 0.060, (90, 90, 80))
     return panel_box(
-        "cracker_box", (x, y, z), 0.0025, box_wrap(front, side, back, side), lid, base, "non-cleaning", 0.411,
-        YCB + "003_cracker_box, 60 x 158 x 210 mm, 411 g",
+        "tea", (x, y, z), 0.0015, box_wrap(front, side, back, side), lid, base, "non-cleaning", 0.12,
+        "nominal pack size: carton of 20 tea bags in envelopes, 66 x 76 x 132 mm",
     )  # fmt: skip
 
 
@@ -410,21 +431,22 @@ def clorox() -> Product:
     """A rounded bleach jug; the handle loops from the shoulder to the body."""
     outline: list[Section] = [
         (0.000, 0.0350, 0.0530, 2.8, 0, 0), (0.003, 0.0395, 0.0580, 2.8, 0, 0), (0.010, 0.0420, 0.0610, 2.8, 0, 0),
-        (0.118, 0.0420, 0.0610, 2.8, 0, 0), (0.134, 0.0415, 0.0580, 2.7, 0, -0.003),
-        (0.150, 0.0400, 0.0450, 2.5, 0, -0.016), (0.168, 0.0375, 0.0390, 2.3, 0, -0.021),
-        (0.200, 0.0310, 0.0320, 2.1, 0, -0.021), (0.222, 0.0210, 0.0210, 2.0, 0, -0.021),
-        (0.232, 0.0190, 0.0190, 2.0, 0, -0.021), (0.240, 0.0190, 0.0190, 2.0, 0, -0.021),
+        (0.112, 0.0420, 0.0610, 2.8, 0, 0), (0.122, 0.0417, 0.0590, 2.7, 0, -0.002),
+        (0.131, 0.0410, 0.0440, 2.6, 0, -0.016), (0.139, 0.0400, 0.0340, 2.5, 0, -0.0255),
+        (0.155, 0.0385, 0.0310, 2.4, 0, -0.0290), (0.190, 0.0350, 0.0290, 2.2, 0, -0.0300),
+        (0.212, 0.0260, 0.0250, 2.0, 0, -0.0300), (0.226, 0.0195, 0.0195, 2.0, 0, -0.0300),
+        (0.240, 0.0190, 0.0190, 2.0, 0, -0.0300),
     ]  # fmt: skip
     rows = smooth(outline, 26)
     body = stack(rows, "body")
     cap_rows: list[Section] = [
-        (0.2300, 0.0215, 0.0215, 2.0, 0, -0.021), (0.2320, 0.0230, 0.0230, 2.0, 0, -0.021),
-        (0.2620, 0.0220, 0.0220, 2.0, 0, -0.021), (0.2650, 0.0200, 0.0200, 2.0, 0, -0.021),
+        (0.2300, 0.0215, 0.0215, 2.0, 0, -0.030), (0.2320, 0.0230, 0.0230, 2.0, 0, -0.030),
+        (0.2620, 0.0220, 0.0220, 2.0, 0, -0.030), (0.2650, 0.0200, 0.0200, 2.0, 0, -0.030),
     ]  # fmt: skip
     cap = stack(cap_rows, "cap", 32, top="cap_top")
     grip = curve(
-        [(0, -0.010, 0.205, 0.013, 0.010), (0, 0.018, 0.209, 0.0125, 0.010), (0, 0.040, 0.196, 0.012, 0.0095),
-         (0, 0.047, 0.170, 0.012, 0.0095), (0, 0.047, 0.145, 0.012, 0.0095), (0, 0.044, 0.122, 0.013, 0.010)], 20,
+        [(0, -0.018, 0.203, 0.013, 0.010), (0, 0.010, 0.213, 0.0125, 0.010), (0, 0.036, 0.204, 0.012, 0.0095),
+         (0, 0.0490, 0.178, 0.012, 0.0095), (0, 0.0505, 0.145, 0.012, 0.0095), (0, 0.046, 0.114, 0.013, 0.010)], 22,
     )  # fmt: skip
     handle = sweep(grip, "handle", 16)
     white, blue, red, green = (240, 241, 240), (20, 70, 160), (214, 36, 48), (60, 150, 80)
@@ -449,8 +471,8 @@ def clorox() -> Product:
     return Product(
         "clorox", "cleaning", "none", 0.90, PACK + "1.27 l (43 fl oz) jug, 85 x 120 x 265 mm; two thirds full",
         [body, cap, handle],
-        [*hulls(rows, [0.0, 0.134, 0.168, 0.222], 14), cylinder((0, -0.021, 0.222), (0, -0.021, 0.265), 0.0225),
-         *capsules(grip[4:18], 4)],
+        [*hulls(rows, [0.0, 0.122, 0.139, 0.190, 0.226], 14), cylinder((0, -0.030, 0.226), (0, -0.030, 0.265), 0.0225),
+         *capsules(grip[3:19], 5)],
         {
             "body": (BODY, around(front, back)),
             "cap": (STRIP[0], ribbed(blue, (12, 44, 110))),
@@ -659,8 +681,8 @@ def waterpot() -> Product:
         "waterpot", "non-cleaning", "none", 0.25,
         PACK + "0.5 l indoor watering can, 85 x 240 x 150 mm; a little water left",
         [body, spout, rose, handle],
-        [cylinder((0, 0, 0), (0, 0, 0.006), 0.0415), *wedges(0.0380, 0.0415, 0.005, 0.111, 6),
-         *capsules(spout_path[2:21], 3), hull(rose.vertices), *capsules(grip[2:20], 3)],
+        [cylinder((0, 0, 0), (0, 0, 0.006), 0.0415), *wedges(0.0380, 0.0415, 0.005, 0.111, 5),
+         *capsules(spout_path[2:21], 2), hull(rose.vertices), *capsules(grip[2:20], 3)],
         {
             "body": (BODY, around(front)), "spout": (STRIP[0], green), "rose": (STRIP[1], cream),
             "sieve": (STRIP[2], sieve), "handle": (STRIP[3], coral),
@@ -763,6 +785,6 @@ PRODUCTS: dict[str, Callable[[], Product]] = {
     make.__name__: make
     for make in (
         tide, downy, clorox, spray_bottle, scotch_brite, shampoo, sugar, ranch, waterpot, toy,
-        mug, soup_can, cracker_box, mustard, banana,
+        mug, soup_can, tea, mustard, banana,
     )
 }  # fmt: skip
