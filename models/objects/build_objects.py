@@ -2,10 +2,12 @@
 
     python models/objects/build_objects.py [LABEL ...]
 
-The same input gives the same files, byte for byte. Shapes and pictures are in products.py.
+The same input gives the same files, byte for byte. Shapes and prints are in bottles.py,
+boxes_and_cans.py and others.py.
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -13,15 +15,25 @@ import numpy as np
 import trimesh
 import yaml
 
-from sum_drake.models.objects import paint, products, shapes
+from sum_drake.models.objects import bottles, boxes_and_cans, others, paint, shapes
+from sum_drake.models.objects.product import Product
 
 HERE = Path(__file__).resolve().parent
+PRODUCTS: dict[str, Callable[[], Product]] = {
+    make.__name__: make
+    for make in (
+        bottles.tide, bottles.downy, bottles.clorox, bottles.spray_bottle, boxes_and_cans.scotch_brite,
+        bottles.shampoo, boxes_and_cans.sugar, bottles.ranch, others.waterpot, others.toy,
+        others.mug, boxes_and_cans.soup_can, boxes_and_cans.tea, bottles.mustard, others.banana,
+    )
+}  # fmt: skip
+"""In the order of the catalogue."""
 FRICTION = 0.6
 SAGITTA = 5e-4
 """How far the facets of a round primitive's contact mesh may lie inside it, metres."""
 
 
-def write_visual(product: products.Product, origin: shapes.Array, folder: Path) -> trimesh.Trimesh:
+def write_visual(product: Product, origin: shapes.Array, folder: Path) -> trimesh.Trimesh:
     """OBJ with normals and texture coordinates, MTL and PNG. Returns the geometry."""
     vertices, faces, uv, offset = [], [], [], 0
     margin = 1.0  # pixels a region keeps clear of its edge, so that neighbours do not bleed into it
@@ -77,7 +89,7 @@ def roll_pitch_yaw(R: shapes.Array) -> tuple[float, float, float]:
     return float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))
 
 
-def sdf(product: products.Product, mesh: trimesh.Trimesh, origin: shapes.Array) -> str:
+def sdf(product: Product, mesh: trimesh.Trimesh, origin: shapes.Array) -> str:
     """The simulation model: one free link."""
     label = product.label
     mesh.density = product.mass / mesh.volume
@@ -135,7 +147,7 @@ def sdf(product: products.Product, mesh: trimesh.Trimesh, origin: shapes.Array) 
 """
 
 
-def build(product: products.Product) -> dict[str, object]:
+def build(product: Product) -> dict[str, object]:
     """Writes one object's folder. Returns its entry in the catalogue."""
     label = product.label
     folder = HERE / label
@@ -173,10 +185,10 @@ def main() -> None:
     """Builds all objects, or those named; the catalogue lists all whose folders exist."""
     catalogue = HERE / "catalogue.yaml"
     known = yaml.safe_load(catalogue.read_text())["objects"] if catalogue.exists() else {}
-    wanted = sys.argv[1:] or list(products.PRODUCTS)
+    wanted = sys.argv[1:] or list(PRODUCTS)
     for label in wanted:
-        known[label] = build(products.PRODUCTS[label]())
-    entries = {label: known[label] for label in products.PRODUCTS if label in known}
+        known[label] = build(PRODUCTS[label]())
+    entries = {label: known[label] for label in PRODUCTS if label in known}
     catalogue.write_text(HEADER + yaml.safe_dump({"objects": entries}, sort_keys=False, width=110))
 
 
