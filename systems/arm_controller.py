@@ -7,6 +7,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSys
 
 from sum_drake.playback import desired, running_segment
 from sum_drake.robot import HAND, JOINTS, desired_state
+from sum_drake.systems.ports import abstract, unpack
 from sum_drake.types import Immutable, Motion, MotionStatus
 
 
@@ -36,20 +37,20 @@ class ArmController(LeafSystem):
 
     def __init__(self, *, period: float) -> None:
         super().__init__()
-        self._motion = self.DeclareAbstractInputPort("motion", Value[object](None))
+        self._motion = self.DeclareAbstractInputPort("motion", abstract())
         at_rest = _Playing(Motion(-1, ()), 0.0, HAND.gap_max)
-        self._playing = self.DeclareAbstractState(Value[object](at_rest))
+        self._playing = self.DeclareAbstractState(abstract(at_rest))
         prerequisites = {self.time_ticket(), self.abstract_state_ticket(self._playing)}
         self.DeclareVectorOutputPort(
             "desired_state", BasicVector(2 * len(JOINTS)), self._calc_desired_state, prerequisites_of_calc=prerequisites
         )
         self.DeclareAbstractOutputPort(
-            "motion_status", lambda: Value[object](None), self._calc_status, prerequisites_of_calc=prerequisites
+            "motion_status", abstract, self._calc_status, prerequisites_of_calc=prerequisites
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _update(self, context: Context, state: State) -> EventStatus:
-        motion: Motion | None = self._motion.Eval(context)
+        motion: Motion | None = unpack(self._motion.Eval(context))
         playing: _Playing = context.get_abstract_state(self._playing).get_value()
         if motion is None or motion.id == playing.motion.id:
             return EventStatus.DidNothing()

@@ -4,6 +4,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
 from sum_drake.association import AssociationConfig, associate
+from sum_drake.systems.ports import abstract
 from sum_drake.types import Associations, Detections, SceneBelief
 
 
@@ -23,11 +24,11 @@ class DataAssociator(LeafSystem):
     def __init__(self, *, config: AssociationConfig) -> None:
         super().__init__()
         self._config = config
-        self._detections = self.DeclareAbstractInputPort("detections", Value[object](None))
-        self._belief = self.DeclareAbstractInputPort("scene_belief", Value[object](None))
+        self._detections = self.DeclareAbstractInputPort("detections", abstract())
+        self._belief = self.DeclareAbstractInputPort("scene_belief", abstract())
         self.DeclareAbstractOutputPort(
             "associations",
-            lambda: Value[object](None),
+            abstract,
             self._calc_associations,
             prerequisites_of_calc={self._detections.ticket(), self._belief.ticket()},
         )

@@ -6,6 +6,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
+from sum_drake.systems.ports import abstract
 from sum_drake.types import Camera, Frame, readonly
 
 
@@ -33,7 +34,7 @@ class FrameAssembler(LeafSystem):
         self._depth = self.DeclareAbstractInputPort("depth_image", Value[ImageDepth32F]())
         self._X_WC = self.DeclareAbstractInputPort("X_WC", Value[RigidTransform]())
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
-        self.DeclareAbstractOutputPort("frame", lambda: Value[object](None), self._calc_frame)
+        self.DeclareAbstractOutputPort("frame", abstract, self._calc_frame)
 
     def _calc_frame(self, context: Context, output: Value[object]) -> None:
         color = self._color.Eval(context).data[:, :, :3]

@@ -29,7 +29,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from sum_drake.assets import InputError
 from sum_drake.objects import Catalogue, ObjectModel
-from sum_drake.parsing import make_parser
+from sum_drake.parsing import make_parser, one_line
 from sum_drake.types import Array, readonly
 
 
@@ -167,7 +167,7 @@ class _Pour:
         simulator.Initialize()
         for i in rng.permutation(len(self._objects)).tolist():
             self._release(plant_context, i, rng)
-            simulator.AdvanceTo(context.get_time() + self._config.interval)
+            _advance(simulator, self._config.interval)
         self._settle(simulator, plant_context, "between the walls")
         scene_context = self._scene_graph.GetMyMutableContextFromRoot(context)
         # The walls at the sides go first: what leans slumps along the table rather than over its edge.
@@ -214,11 +214,13 @@ class _Pour:
             now = simulator.get_context().get_time()
             if now - start > config.timeout:
                 raise _Rejected(f"after {config.timeout:g} s {stage} {moving}")
-            simulator.AdvanceTo(now + step)
+            _advance(simulator, step)
             moving = ""
             for model, instance in zip(self._objects, self._instances, strict=True):
                 velocity = self._plant.GetVelocities(context, instance)  # angular, then linear
                 rate, speed = np.linalg.norm(velocity[:3]), np.linalg.norm(velocity[3:])
+                if not np.isfinite(rate + speed):
+                    raise _Rejected(f"the motion of {model.label} blew up {stage}")
                 if rate > config.settled_rate or speed > config.settled_speed:
                     moving = f"{model.label} moves at {speed:.3f} m/s, {rate:.2f} rad/s"
                 if self._pose(context, instance).translation()[2] < self._top:
@@ -238,6 +240,14 @@ class _Pour:
                 inspector = query.inspector()
                 names = " and ".join(inspector.GetName(inspector.GetFrameId(g)) for g in (pair.id_A, pair.id_B))
                 raise _Rejected(f"{names} overlap by {pair.depth * 1e3:.1f} mm")
+
+
+def _advance(simulator: Simulator, duration: float) -> None:
+    """Simulates on; a state that Drake cannot step from rejects the attempt."""
+    try:
+        simulator.AdvanceTo(simulator.get_context().get_time() + duration)
+    except RuntimeError as error:
+        raise _Rejected(f"the simulation broke down: {one_line(error)}") from error
 
 
 def _only(directives: Sequence[ModelDirective], model: str) -> list[ModelDirective]:

@@ -8,6 +8,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from sum_drake.systems.ports import abstract
 from sum_drake.types import Array, Immutable, MotionStatus, readonly
 
 
@@ -44,8 +45,8 @@ class Referee(LeafSystem):
         self._objects, self._hand = dict(objects), hand
         self._body_poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
-        self._status = self.DeclareAbstractInputPort("motion_status", Value[object](None))
-        self._samples = self.DeclareAbstractState(Value[object](()))
+        self._status = self.DeclareAbstractInputPort("motion_status", abstract())
+        self._samples = self.DeclareAbstractState(abstract(()))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def samples(self, context: Context) -> tuple[TruthSample, ...]:

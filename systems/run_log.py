@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
 
 from sum_drake.robot import STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
+from sum_drake.systems.ports import abstract, unpack
 from sum_drake.types import Attempt, Perception
 
 FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
@@ -42,8 +42,8 @@ class RunLog(LeafSystem):
         """
         super().__init__()
         self._writer, self._joint_names = writer, tuple(joint_names)
-        self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))
-        self._attempts = self.DeclareAbstractInputPort("attempts", Value[object](()))
+        self._perception = self.DeclareAbstractInputPort("perception", abstract())
+        self._attempts = self.DeclareAbstractInputPort("attempts", abstract(()))
         self._joint_state = self.DeclareVectorInputPort("joint_state", BasicVector(2 * len(self._joint_names)))
         # Every step, before the simulator's monitor may end the run: what came last is in the log, too.
         self.DeclarePerStepPublishEvent(self._write_records)
@@ -51,7 +51,7 @@ class RunLog(LeafSystem):
         self.DeclareForcedPublishEvent(self._write_records)
 
     def _write_records(self, context: Context) -> EventStatus:
-        perception: Perception | None = self._perception.Eval(context)
+        perception: Perception | None = unpack(self._perception.Eval(context))
         if perception is not None and perception.step > self._writer.last_step:
             self._writer.write_perception(perception)
         attempts: tuple[Attempt, ...] = self._attempts.Eval(context)

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from sum_drake.systems.ports import abstract, unpack
 from sum_drake.types import (
     Associations,
     Detections,
@@ -42,12 +42,12 @@ class SceneEstimator(LeafSystem):
         super().__init__()
         self._update_belief = update_belief
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
-        self._frame = self.DeclareAbstractInputPort("frame", Value[object](None))
-        self._detections = self.DeclareAbstractInputPort("detections", Value[object](None))
-        self._associations = self.DeclareAbstractInputPort("associations", Value[object](None))
-        self._action = self.DeclareAbstractInputPort("executed_action", Value[object](None))
-        self._belief = self.DeclareAbstractState(Value[object](SceneBelief()))
-        self._perception = self.DeclareAbstractState(Value[object](None))
+        self._frame = self.DeclareAbstractInputPort("frame", abstract())
+        self._detections = self.DeclareAbstractInputPort("detections", abstract())
+        self._associations = self.DeclareAbstractInputPort("associations", abstract())
+        self._action = self.DeclareAbstractInputPort("executed_action", abstract())
+        self._belief = self.DeclareAbstractState(abstract(SceneBelief()))
+        self._perception = self.DeclareAbstractState(abstract())
         self.DeclareStateOutputPort("scene_belief", self._belief)
         self.DeclareStateOutputPort("perception", self._perception)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
@@ -60,7 +60,7 @@ class SceneEstimator(LeafSystem):
         frame: Frame = self._frame.Eval(context)
         detections: Detections = self._detections.Eval(context)
         associations: Associations = self._associations.Eval(context)
-        action: PickPlace | None = self._action.Eval(context)
+        action: PickPlace | None = unpack(self._action.Eval(context))
         posterior = self._update_belief(held, frame, detections, associations, action)
         record = Perception(step, frame, detections.boxes, associations.pairs, held, posterior, action)
         state.get_mutable_abstract_state(self._belief).set_value(posterior)

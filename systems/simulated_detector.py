@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from pydrake.systems.sensors import ImageLabel16I
 
 from sum_drake.detection.simulated import SimulatedDetectorConfig, simulate_detections
+from sum_drake.systems.ports import abstract
 from sum_drake.types import Detections, Frame
 
 
@@ -38,11 +39,11 @@ class SimulatedDetector(LeafSystem):
         super().__init__()
         self._objects, self._labels = dict(objects), tuple(labels)
         self._sigma_c, self._config, self._seed = sigma_c, config, seed
-        self._frame = self.DeclareAbstractInputPort("frame", Value[object](None))
+        self._frame = self.DeclareAbstractInputPort("frame", abstract())
         self._label_image = self.DeclareAbstractInputPort("label_image", Value[ImageLabel16I]())
         self.DeclareAbstractOutputPort(
             "detections",
-            lambda: Value[object](None),
+            abstract,
             self._calc_detections,
             prerequisites_of_calc={self._frame.ticket(), self._label_image.ticket()},
         )

@@ -23,6 +23,7 @@ from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
+from sum_drake.systems.ports import unpack
 from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import Referee, TruthSample
 from sum_drake.systems.run_log import RunLog
@@ -315,7 +316,7 @@ class _Watch:
 
     def __call__(self, root: Context) -> EventStatus:
         time_now = root.get_time()
-        perception: Perception | None = self._perception.Eval(self._estimator.GetMyContextFromRoot(root))
+        perception: Perception | None = unpack(self._perception.Eval(self._estimator.GetMyContextFromRoot(root)))
         if perception is not None and perception.step == len(self.perceptions):
             self.perceptions.append(perception)
             accepted = sum(track.accepted for track in perception.posterior.tracks)

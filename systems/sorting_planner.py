@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSys
 
 from sum_drake.picking import PickPlan
 from sum_drake.robot import HAND, arm_positions, finger_gap
+from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
 
@@ -62,10 +63,10 @@ class SortingPlanner(LeafSystem):
     def __init__(self, *, decide: Decide, retreat: Retreat, period: float, settle_time: float) -> None:
         super().__init__()
         self._decide, self._retreat, self._settle_time = decide, retreat, settle_time
-        self._perception = self.DeclareAbstractInputPort("perception", Value[object](None))
+        self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(24))
-        self._status = self.DeclareAbstractInputPort("motion_status", Value[object](None))
-        self._state = self.DeclareAbstractState(Value[object](_Sorting()))
+        self._status = self.DeclareAbstractInputPort("motion_status", abstract())
+        self._state = self.DeclareAbstractState(abstract(_Sorting()))
         of_state = {self.abstract_state_ticket(self._state)}
         self.DeclareVectorOutputPort("observe", BasicVector(1), self._calc_observe, prerequisites_of_calc=of_state)
         for name, field in (
@@ -74,9 +75,7 @@ class SortingPlanner(LeafSystem):
             ("attempts", "attempts"),
             ("outcome", "outcome"),
         ):
-            self.DeclareAbstractOutputPort(
-                name, lambda: Value[object](None), self._output_of(field), prerequisites_of_calc=of_state
-            )
+            self.DeclareAbstractOutputPort(name, abstract, self._output_of(field), prerequisites_of_calc=of_state)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
 
     def _held(self, context: Context) -> _Sorting:
@@ -88,7 +87,7 @@ class SortingPlanner(LeafSystem):
 
     def _output_of(self, field: str) -> Callable[[Context, Value[object]], None]:
         def calc(context: Context, output: Value[object]) -> None:
-            output.set_value(getattr(self._held(context), field))
+            output.set_value(pack(getattr(self._held(context), field)))
 
         return calc
 
@@ -119,7 +118,7 @@ class SortingPlanner(LeafSystem):
 
     def _look(self, context: Context, held: _Sorting) -> _Sorting:
         """Decides once the observation has been made sense of."""
-        perception: Perception | None = self._perception.Eval(context)
+        perception: Perception | None = unpack(self._perception.Eval(context))
         if perception is None or perception.step != held.observations - 1:
             return held
         choice = self._decide(perception, held.attempts, held.looks, self._arm(context))

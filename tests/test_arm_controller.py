@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from test_playback import MOTION, B
 
 from sum_drake.robot import HAND, JOINTS, VIEW
 from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.ports import abstract
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def ports(controller, context):
 def test_stands_in_the_viewing_pose_before_the_first_motion(running):
     controller, simulator = running
     context = simulator.get_mutable_context()
-    controller.GetInputPort("motion").FixValue(context, Value[object](None))
+    controller.GetInputPort("motion").FixValue(context, abstract())
     simulator.AdvanceTo(0.5)
     desired, status = ports(controller, context)
     assert desired.shape == (2 * len(JOINTS),)
@@ -36,9 +36,9 @@ def test_stands_in_the_viewing_pose_before_the_first_motion(running):
 def test_plays_a_motion_from_when_it_arrives_and_holds_its_end(running):
     controller, simulator = running
     context = simulator.get_mutable_context()
-    controller.GetInputPort("motion").FixValue(context, Value[object](None))
+    controller.GetInputPort("motion").FixValue(context, abstract())
     simulator.AdvanceTo(1.0)
-    controller.GetInputPort("motion").FixValue(context, Value[object](MOTION))
+    controller.GetInputPort("motion").FixValue(context, abstract(MOTION))
     simulator.AdvanceTo(2.05)
     desired, status = ports(controller, context)
     # The motion was taken up at the poll at 1.0 or 1.1.

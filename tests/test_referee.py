@@ -4,6 +4,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
+from sum_drake.systems.ports import abstract
 from sum_drake.systems.referee import Referee, TruthSample, transport_slip
 from sum_drake.types import MotionStatus, readonly
 
@@ -16,7 +17,7 @@ def test_samples_every_period_and_has_no_output():
     poses = [RigidTransform(), RigidTransform([0.0, 0.0, 1.0]), RigidTransform([0.5, 0.0, 0.75])]
     referee.GetInputPort("body_poses").FixValue(context, Value[list[RigidTransform]](poses))
     referee.GetInputPort("observe").FixValue(context, [1.0])
-    referee.GetInputPort("motion_status").FixValue(context, Value[object](MotionStatus(0, "lift", False)))
+    referee.GetInputPort("motion_status").FixValue(context, abstract(MotionStatus(0, "lift", False)))
     simulator.AdvanceTo(0.35)
     samples = referee.samples(context)
     assert [s.time for s in samples] == pytest.approx([0.0, 0.1, 0.2, 0.3])

@@ -11,6 +11,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 from test_runlog import make_attempt, make_perception
 
 from sum_drake.runlog import RunLogWriter, read_run_log
+from sum_drake.systems.ports import abstract, pack
 from sum_drake.systems.run_log import RunLog
 
 JOINTS = ("torso", "pan")
@@ -21,9 +22,9 @@ class Source(LeafSystem):
 
     def __init__(self) -> None:
         super().__init__()
-        self._count = self.DeclareAbstractState(Value[object](0))
-        self.DeclareAbstractOutputPort("perception", lambda: Value[object](None), self._calc_perception)
-        self.DeclareAbstractOutputPort("attempts", lambda: Value[object](()), self._calc_attempts)
+        self._count = self.DeclareAbstractState(abstract(0))
+        self.DeclareAbstractOutputPort("perception", abstract, self._calc_perception)
+        self.DeclareAbstractOutputPort("attempts", lambda: abstract(()), self._calc_attempts)
         self.DeclarePeriodicUnrestrictedUpdateEvent(1.0, 0.5, self._update)
 
     def _held(self, context: Context) -> int:
@@ -36,7 +37,7 @@ class Source(LeafSystem):
 
     def _calc_perception(self, context: Context, output: Value[object]) -> None:
         count = self._held(context)
-        output.set_value(make_perception(count - 1) if count else None)
+        output.set_value(pack(make_perception(count - 1) if count else None))
 
     def _calc_attempts(self, context: Context, output: Value[object]) -> None:
         # Two attempts follow each observation: an object given up and one tried.
@@ -66,8 +67,8 @@ def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None
     with RunLogWriter(tmp_path / "run.mcap") as writer:
         system = RunLog(writer=writer, joint_names=JOINTS)
         context = system.CreateDefaultContext()
-        system.GetInputPort("perception").FixValue(context, Value[object](None))
-        system.GetInputPort("attempts").FixValue(context, Value[object](()))
+        system.GetInputPort("perception").FixValue(context, abstract())
+        system.GetInputPort("attempts").FixValue(context, abstract(()))
         system.GetInputPort("joint_state").FixValue(context, np.zeros(4))
         system.ForcedPublish(context)
     record = read_run_log(tmp_path / "run.mcap")

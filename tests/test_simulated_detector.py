@@ -4,6 +4,7 @@ from pydrake.common.value import Value
 from pydrake.systems.sensors import ImageLabel16I
 
 from sum_drake.detection.simulated import SimulatedDetectorConfig
+from sum_drake.systems.ports import abstract
 from sum_drake.systems.simulated_detector import SimulatedDetector
 from sum_drake.types import Camera, Frame, readonly
 
@@ -25,7 +26,7 @@ def detect(system, observation):
     context = system.CreateDefaultContext()
     image = ImageLabel16I(64, 48, 0)
     image.mutable_data[10:30, 20:50, 0] = 3
-    system.GetInputPort("frame").FixValue(context, Value[object](frame(observation)))
+    system.GetInputPort("frame").FixValue(context, abstract(frame(observation)))
     system.GetInputPort("label_image").FixValue(context, Value[ImageLabel16I](image))
     return system.GetOutputPort("detections").Eval(context)
 

@@ -13,6 +13,7 @@ from scenes import standing
 
 from sum_drake.evaluation import validate_summary
 from sum_drake.objects import load_catalogue
+from sum_drake.systems.ports import unpack
 from sum_drake.systems.scenario import load_scenario
 from sum_drake.systems.sorting import make_sorting, pour_scene, run
 from sum_drake.systems.station import set_home
@@ -177,7 +178,7 @@ def test_the_diagram_steps_and_observes_once_settled(diagram):
     planner, estimator = diagram.GetSubsystemByName("sorting_planner"), diagram.GetSubsystemByName("scene_estimator")
     simulator.AdvanceTo(0.35)
     assert planner.GetOutputPort("observe").Eval(planner.GetMyContextFromRoot(root))[0] == 0
-    assert estimator.GetOutputPort("perception").Eval(estimator.GetMyContextFromRoot(root)) is None
+    assert unpack(estimator.GetOutputPort("perception").Eval(estimator.GetMyContextFromRoot(root))) is None
 
 
 def test_every_input_is_connected(diagram):

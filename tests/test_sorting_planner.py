@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from test_playback import MOTION
 
 from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
+from sum_drake.systems.ports import abstract, unpack
 from sum_drake.systems.sorting_planner import SortingPlanner, holds
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import (
@@ -59,7 +59,7 @@ class Bench:
         self.hand(0.1)
 
     def fix(self, port, value):
-        self.planner.GetInputPort(port).FixValue(self.context, Value[object](value))
+        self.planner.GetInputPort(port).FixValue(self.context, abstract(value))
 
     def hand(self, gap):
         state = np.zeros(24)
@@ -71,7 +71,7 @@ class Bench:
         self.simulator.AdvanceTo(self.context.get_time() + seconds)
 
     def out(self, port):
-        return self.planner.GetOutputPort(port).Eval(self.context)
+        return unpack(self.planner.GetOutputPort(port).Eval(self.context))
 
     def look(self, step):
         """Lets the planner ask for an observation, and answers it."""
