@@ -40,6 +40,8 @@ def decode(kind: Any, data: Any) -> Any:
     Fields that have a default may be missing: a log written before they existed stays readable.
     """
     origin, args = typing.get_origin(kind), typing.get_args(kind)
+    if hasattr(origin, "__value__"):  # a `type` statement, as which numpy defines NDArray on Python 3.12
+        return decode(origin.__value__[args], data)
     if dataclasses.is_dataclass(kind):
         hints = typing.get_type_hints(kind)
         values = {f.name: decode(hints[f.name], data[f.name]) for f in dataclasses.fields(kind) if f.name in data}
