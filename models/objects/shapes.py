@@ -271,7 +271,7 @@ def hulls(sections: Sequence[Section], cuts: Sequence[float], n: int = 14) -> li
     for low, high in itertools.pairwise(cuts):
         rows = np.array(sections)[(z >= low - 1e-9) & (z <= high + 1e-9)]
         # Few rings are enough, and fewer tetrahedra make contact cheaper.
-        keep = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 3)).round().astype(int))
+        keep = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 5)).round().astype(int))
         pieces.append(Piece("convex", np.concatenate([superellipse(tuple(row), n) for row in rows[keep].tolist()])))
     return pieces
 
