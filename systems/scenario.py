@@ -1,6 +1,7 @@
 """A run as data: one typed record, read from YAML, in the manner of Drake's hardware_sim."""
 
 import dataclasses
+import math
 import typing
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from pydrake.multibody.parsing import ModelDirective
-from pydrake.multibody.plant import MultibodyPlantConfig
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.framework import DiagramBuilder
 
 from sum_drake.assets import MODELS, InputError
 from sum_drake.association import AssociationConfig
@@ -17,11 +19,13 @@ from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import Catalogue
+from sum_drake.parsing import one_line
 from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.pouring import PouringConfig
 from sum_drake.task import POLICIES, TaskConfig
 from sum_drake.types import LEAVE, Region, readonly
+from sum_drake.yamlio import parse_yaml
 
 SCENARIOS = MODELS / "scenarios" / "sorting.yaml"
 DETECTORS = ("SimulatedDetector",)
@@ -147,10 +151,7 @@ def _read(file: Path) -> str:
 
 
 def _yaml_mapping(text: str, where: str) -> dict[str, Any]:
-    try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{where}: {' '.join(str(error).split())}; expected YAML") from error
+    data = parse_yaml(text, where)
     if not isinstance(data, dict):
         raise InputError(f"{where}: {type(data).__name__} at the top; expected a mapping")
     return data
@@ -186,6 +187,7 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
         if not ok:
             raise InputError(f"{where}: {what}; expected {expected}")
 
+    _check_numbers(scenario, where)
     count = len(scenario.objects.labels) or scenario.objects.count
     most = min(MAX_OBJECTS, len(catalogue.labels))
     expect(1 <= count <= most, f"{count} objects", f"1 to {most}")
@@ -197,7 +199,11 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
     expect(scenario.task.policy in POLICIES, f"policy {scenario.task.policy!r}", f"one of {', '.join(POLICIES)}")
     expect(0.0 < scenario.sigma_c < 1.0, f"sigma_c {scenario.sigma_c}", "a number between 0 and 1")
     expect(scenario.random_seed >= 0, f"random_seed {scenario.random_seed}", "0 or more")
-    expect(scenario.simulation_duration > 0, f"simulation_duration {scenario.simulation_duration}", "more than 0")
+    try:
+        AddMultibodyPlant(scenario.plant_config, DiagramBuilder())
+    except RuntimeError as error:
+        raise InputError(f"{where}: plant_config: {one_line(error)}; expected what Drake's plant accepts") from error
+    expect(scenario.plant_config.time_step > 0, f"time_step {scenario.plant_config.time_step}", "more than 0")
     expect("head_camera" in scenario.cameras, "no camera head_camera", "one under cameras")
     expect("table" in scenario.regions, "no region table", "one under regions")
     for name, region in scenario.regions.items():
@@ -206,5 +212,49 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
     kinds = (*catalogue.labels, *catalogue.categories)
     for kind, region_name in scenario.goal.items():
         expect(kind in kinds, f"goal for {kind!r}", f"a label or category, one of {', '.join(kinds)}")
-        places = (*scenario.regions, LEAVE)
+        places = (*(name for name in scenario.regions if name != "table"), LEAVE)
         expect(region_name in places, f"goal region {region_name!r}", f"one of {', '.join(places)}")
+
+
+_PROBABILITIES = {
+    "miss_rate", "wrong_label_rate", "true_label_lost_rate", "match_threshold", "spawn_threshold", "threshold",
+    "min_survival",
+}  # fmt: skip
+_AT_LEAST_ONE = {
+    "max_missed", "max_attempts", "max_looks", "max_obstacle_points", "samples", "directions", "depths", "candidates",
+    "particles", "grasps", "searches", "budget", "attempts",
+}  # fmt: skip
+_POSITIVE = {
+    "simulation_duration", "speed", "straight_speed", "approach", "point_size", "close_time", "open_time", "half_x",
+    "area_per_object", "drop_height", "interval", "timeout",
+}  # fmt: skip
+
+
+def _check_numbers(config: Any, where: str) -> None:
+    """Refuses numbers that cannot be meant, by the name of their field, in a configuration and all that it holds."""
+    for field in dataclasses.fields(config):
+        value, at = getattr(config, field.name), f"{where}: {field.name}"
+        if dataclasses.is_dataclass(value):
+            _check_numbers(value, at)
+        elif isinstance(value, dict):
+            for key, item in value.items():
+                if dataclasses.is_dataclass(item):
+                    _check_numbers(item, f"{at}: {key}")
+        numbers = [n for n in (value if isinstance(value, list) else [value]) if isinstance(n, int | float)]
+        if not all(math.isfinite(n) for n in numbers):
+            raise InputError(f"{at} is {value}; expected finite numbers")
+        for names, fits, expected in (
+            (_PROBABILITIES, lambda n: 0 <= n <= 1, "a number from 0 to 1"),
+            (_AT_LEAST_ONE, lambda n: n >= 1, "1 or more"),
+            (_POSITIVE, lambda n: n > 0, "more than 0"),
+        ):
+            if field.name in names and not all(fits(n) for n in numbers):
+                raise InputError(f"{at} is {value}; expected {expected}")
+        if isinstance(value, list) and field.name in ("lifts", "retreats", "release_heights") and not value:
+            raise InputError(f"{at} is empty; expected at least one height")
+    # What a configuration checks of itself when it is made, YAML has gone around: Drake sets the fields afterwards.
+    if hasattr(config, "__post_init__"):
+        try:
+            config.__post_init__()
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from error

@@ -94,7 +94,7 @@ def _confidences(
     second = (1.0 - first) * rng.uniform(0.2, 0.9)
     if not others:
         return [(true, first)]
-    i, j = rng.integers(len(others), size=2)
+    i, j = rng.choice(len(others), size=2, replace=len(others) < 2)
     if not wrong:
         return [(true, first), (others[i], second)]
     if lost and i != j:
