@@ -10,6 +10,7 @@ from pathlib import Path
 
 from sum_drake import __version__
 from sum_drake.assets import InputError
+from sum_drake.files import write_whole
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -221,13 +222,6 @@ def _doctor(options: argparse.Namespace) -> None:
     print(doctor.format_checks(checks))
     if any(check.status == "bad" for check in checks):
         raise RuntimeError("this machine lacks something that sum-drake needs; see above")
-
-
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Writes a file through a temporary one beside it, so that nobody ever sees half of it."""
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-    temporary.replace(path)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sum_drake.files import write_whole
 from sum_drake.types import readonly
 
 
@@ -66,7 +67,5 @@ def canonical(value: Any) -> str:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Plain data as indented JSON, through a temporary file beside it: nobody ever reads half of it."""
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(json.dumps(encode(data), indent=1, allow_nan=False) + "\n")
-    temporary.replace(path)
+    """Plain data as indented JSON, whole or not at all."""
+    write_whole(path, json.dumps(encode(data), indent=1, allow_nan=False) + "\n")

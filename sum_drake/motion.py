@@ -21,7 +21,7 @@ from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from sum_drake import robot
-from sum_drake.assets import InputError, asset
+from sum_drake.assets import InputError, asset, one_line
 from sum_drake.kinematics import Arm
 from sum_drake.objects import ObjectModel
 from sum_drake.parsing import add_packages, parser_allowed
@@ -210,8 +210,7 @@ def _make_checker(
         fetch = builder.plant().GetModelInstanceByName(_ROBOT)
     except RuntimeError as error:
         where = directives if isinstance(directives, str) else "directives"
-        reason = " ".join(str(error).split())
-        raise InputError(f"{where}: {reason}: expected model directives with a model '{_ROBOT}'") from error
+        raise InputError(f"{where}: {one_line(error)}: expected model directives with a model '{_ROBOT}'") from error
     plant = builder.plant()
     for solid, name in zip(solids, names, strict=True):
         instance = plant.AddModelInstance(f"solid::{name}")

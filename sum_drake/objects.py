@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sum_drake.assets import MODELS, InputError
+from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group, transform
 from sum_drake.robot import HAND
 from sum_drake.types import Array, Immutable
@@ -102,7 +102,7 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
         mesh = trimesh.load(path, force="mesh", skip_materials=True)
     except Exception as error:
         raise InputError(
-            f"mesh {path} cannot be read: {' '.join(str(error).split()) or type(error).__name__}"
+            f"mesh {path} cannot be read: {one_line(error)}"
         ) from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {path} has no faces: expected a triangle mesh")
@@ -139,7 +139,7 @@ def _load_yaml(path: Path) -> Any:
         check_keys(yaml.compose(text, Loader=yaml.SafeLoader))
         return yaml.safe_load(text)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path} is not YAML: {one_line(error)}") from error
 
 
 def load_catalogue(path: Path | None = None) -> Catalogue:

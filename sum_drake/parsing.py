@@ -44,8 +44,3 @@ def make_parser(plant: MultibodyPlant) -> Parser:
     with parser_allowed():
         parser = Parser(plant)
     return add_packages(parser)
-
-
-def one_line(error: Exception) -> str:
-    """A parser's message without its line breaks."""
-    return " ".join(str(error).split())

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sum_drake.assets import InputError
 from sum_drake.evaluation import validate_summary
+from sum_drake.files import write_whole
 from sum_drake.geometry import apply, inverse
 from sum_drake.jsonio import encode
 from sum_drake.runlog import RunRecord, read_what_there_is
@@ -172,9 +173,7 @@ def write_report(run_folder: Path, catalogue: "Catalogue | None" = None) -> Path
     run = _read_run(run_folder)
     page = _page(run, load_catalogue() if catalogue is None else catalogue)
     path = run_folder / "report.html"
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(page, encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, page)
     return path
 
 

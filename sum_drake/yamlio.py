@@ -4,7 +4,7 @@ from typing import Any
 
 import yaml
 
-from sum_drake.assets import InputError
+from sum_drake.assets import InputError, one_line
 
 
 def parse_yaml(text: str, where: str) -> Any:
@@ -16,7 +16,7 @@ def parse_yaml(text: str, where: str) -> Any:
         _check_keys(yaml.compose(text, Loader=yaml.SafeLoader), where)
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise InputError(f"{where}: {' '.join(str(error).split())}; expected YAML") from error
+        raise InputError(f"{where}: {one_line(error)}; expected YAML") from error
 
 
 def _check_keys(node: Any, where: str) -> None:

@@ -27,9 +27,9 @@ from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, Multibod
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from sum_drake.assets import InputError
+from sum_drake.assets import InputError, one_line
 from sum_drake.objects import Catalogue, ObjectModel
-from sum_drake.parsing import make_parser, one_line
+from sum_drake.parsing import make_parser
 from sum_drake.types import Array, readonly
 
 

@@ -12,14 +12,13 @@ from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from sum_drake.assets import MODELS, InputError
+from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.association import AssociationConfig
 from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import Catalogue
-from sum_drake.parsing import one_line
 from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.pouring import PouringConfig
@@ -162,7 +161,7 @@ def _typed(data: Any, where: str, defaults: Scenario) -> Scenario:
     try:
         scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(data), defaults=defaults)
     except Exception as error:  # Drake raises AssertionError, RuntimeError or ValueError without saying where.
-        raise InputError(f"{where}: {' '.join(str(error).split())}; expected the types of Scenario's fields") from error
+        raise InputError(f"{where}: {one_line(error)}; expected the types of Scenario's fields") from error
     return scenario
 
 
@@ -243,13 +242,12 @@ def _check_numbers(config: Any, where: str) -> None:
         numbers = [n for n in (value if isinstance(value, list) else [value]) if isinstance(n, int | float)]
         if not all(math.isfinite(n) for n in numbers):
             raise InputError(f"{at} is {value}; expected finite numbers")
-        for names, fits, expected in (
-            (_PROBABILITIES, lambda n: 0 <= n <= 1, "a number from 0 to 1"),
-            (_AT_LEAST_ONE, lambda n: n >= 1, "1 or more"),
-            (_POSITIVE, lambda n: n > 0, "more than 0"),
-        ):
-            if field.name in names and not all(fits(n) for n in numbers):
-                raise InputError(f"{at} is {value}; expected {expected}")
+        if field.name in _PROBABILITIES and not all(0 <= n <= 1 for n in numbers):
+            raise InputError(f"{at} is {value}; expected a number from 0 to 1")
+        if field.name in _AT_LEAST_ONE and not all(n >= 1 for n in numbers):
+            raise InputError(f"{at} is {value}; expected 1 or more")
+        if field.name in _POSITIVE and not all(n > 0 for n in numbers):
+            raise InputError(f"{at} is {value}; expected more than 0")
         if isinstance(value, list) and field.name in ("lifts", "retreats", "release_heights") and not value:
             raise InputError(f"{at} is empty; expected at least one height")
     # What a configuration checks of itself when it is made, YAML has gone around: Drake sets the fields afterwards.

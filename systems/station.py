@@ -22,8 +22,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.sensors import RgbdSensor
 
 from sum_drake import robot
-from sum_drake.assets import InputError, asset
-from sum_drake.parsing import make_parser, one_line
+from sum_drake.assets import InputError, asset, one_line
+from sum_drake.parsing import make_parser
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, camera_from_info, make_camera_info
 from sum_drake.systems.camera_pose import CameraPose
 from sum_drake.systems.depth_noise import DepthNoise
