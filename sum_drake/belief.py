@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from sum_drake.association import AssociationConfig
-from sum_drake.existence import track_probability
+from sum_drake.existence import missed_probability, track_probability
 from sum_drake.filtering import FilterConfig, PoseEstimate, predict
 from sum_drake.types import (
     Array,
@@ -72,7 +72,7 @@ def update(
         if track.id in matched:
             tracks.append(_estimate(track, matched[track.id], predicted, frame, detections, estimator, sunk, rng))
         elif frame.observation - track.seen < association_config.max_missed:
-            tracks.append(dataclasses.replace(track, belief=predicted, accepted=False))
+            tracks.append(_unseen(track, predicted, action))
     next_id = held.next_id
     for pair in associations.pairs:
         if pair.track is None:
@@ -87,6 +87,18 @@ def _predict(track: Track, action: PickPlace | None, rng: np.random.Generator, c
     """The action model, eq. 10."""
     is_target = action is not None and action.track == track.id
     return predict(track.belief, action, is_target=is_target, rng=rng, config=config)
+
+
+def _unseen(track: Track, predicted: PoseBelief, action: PickPlace | None) -> Track:
+    """The track after an observation without a box for it: where the action should have put it, if anywhere."""
+    moved = action is not None and action.track == track.id and action.released
+    return dataclasses.replace(
+        track,
+        belief=predicted,
+        X_WO=action.X_WO_place if moved and action is not None else track.X_WO,
+        probability=missed_probability(track.probability),
+        accepted=False,
+    )
 
 
 def _estimate(

@@ -1,12 +1,14 @@
 """The command `sum-drake`."""
 
 import argparse
+import contextlib
 import logging
 import os
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from sum_drake import __version__
 from sum_drake.assets import InputError
@@ -18,9 +20,8 @@ FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command. Returns 0: done; 1: the run itself failed; 2: bad input, said in one line on stderr."""
     # Perception and planning are single-threaded by design; idle pools of threads only get in each other's way.
-    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-    logging.getLogger("drake").setLevel(logging.WARNING)
+    for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[variable] = "1"
     options = _parser().parse_args(arguments)
     try:
         options.command(options)
@@ -31,13 +32,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"sum-drake: failed: {error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        print("sum-drake: interrupted", file=sys.stderr)
+        print("sum-drake: interrupted; what was written so far can be read", file=sys.stderr)
         return INTERRUPTED
+    except OSError as error:
+        print(f"sum-drake: {error.filename}: {error.strerror}; expected a place that can be written", file=sys.stderr)
+        return BAD_INPUT
     return 0
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; expected arguments as in {self.prog} --help\n")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="sum-drake",
         description="Sequential Scene Understanding and Manipulation with Drake: perceive a poured table and sort it",
         epilog="example: sum-drake sort --seed 1",
@@ -59,7 +70,8 @@ def _parser() -> argparse.ArgumentParser:
     sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
     sort.add_argument("--quiet", action="store_true", help="no progress")
 
-    objects = commands.add_parser("objects", help="the catalogue, or your own")
+    text = "the catalogue, or your own"
+    objects = commands.add_parser("objects", help=text, description=text, epilog="example: sum-drake objects list")
     kinds = objects.add_subparsers(required=True, metavar="WHAT")
     for name, command, text in (
         ("list", _objects_list, "labels, categories, sizes, masses and symmetries"),
@@ -80,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add(
-    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    commands: "argparse._SubParsersAction[_Parser]",
     name: str,
     command: Callable[[argparse.Namespace], None],
     text: str,
@@ -92,6 +104,8 @@ def _add(
 
 
 def _sort(options: argparse.Namespace) -> None:
+    from pydrake.systems.framework import Diagram
+
     from sum_drake.doctor import device, require_rendering, versions
     from sum_drake.jsonio import write_json
     from sum_drake.objects import load_catalogue
@@ -101,6 +115,7 @@ def _sort(options: argparse.Namespace) -> None:
     from sum_drake.systems.sorting import run
     from sum_drake.systems.verdict import score
 
+    logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
     catalogue = load_catalogue(options.catalogue)
     scenario = load_scenario(
         options.scenario_file,
@@ -117,20 +132,21 @@ def _sort(options: argparse.Namespace) -> None:
     require_rendering()
     progress = _Progress(quiet=options.quiet)
 
-    out.mkdir(parents=True, exist_ok=True)
-    for name in RUN_FILES:
-        (out / name).unlink(missing_ok=True)
-    write_whole(out / "scenario.yaml", dump_scenario(scenario))
-    with RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)}) as writer:
-        episode = run(
-            scenario,
-            catalogue,
-            writer=writer,
-            progress=progress,
-            on_diagram=lambda diagram: (
-                write_whole(options.graphviz, diagram.GetGraphvizString()) if options.graphviz is not None else None
-            ),
-        )
+    with contextlib.ExitStack() as stack:
+
+        def open_log() -> RunLogWriter:
+            """Only now, when everything has been made, is anything written."""
+            out.mkdir(parents=True, exist_ok=True)
+            for name in RUN_FILES:
+                (out / name).unlink(missing_ok=True)
+            write_whole(out / "scenario.yaml", dump_scenario(scenario))
+            return stack.enter_context(RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)}))
+
+        def draw(diagram: Diagram) -> None:
+            if options.graphviz is not None:
+                write_whole(options.graphviz, diagram.GetGraphvizString())
+
+        episode = run(scenario, catalogue, open_log=open_log, progress=progress, on_diagram=draw)
     summary = score(episode, scenario, catalogue, versions=versions(), device=device())
     write_json(out / "summary.json", summary)
     write_report(out, catalogue)
@@ -139,6 +155,8 @@ def _sort(options: argparse.Namespace) -> None:
         f"{summary['objects_missorted']} missorted, {summary['manipulation_trials']} trials, "
         f"{episode.sim_time_s:.0f} s simulated in {episode.wall_s:.0f} s; {out / 'report.html'}"
     )
+    if episode.error is not None:
+        raise RuntimeError(summary["outcome"].removeprefix("stopped: failed: ")) from episode.error
 
 
 RUN_FILES = ("scenario.yaml", "run.mcap", "summary.json", "report.html")
@@ -163,20 +181,32 @@ def _check_writable(file: Path) -> None:
 
 
 class _Progress:
-    """What is being done: in place on a terminal, line by line elsewhere, nothing when quiet."""
+    """What is being done: line by line; on a terminal with a bar below that is redrawn in place; nothing if quiet."""
+
+    WIDTH = 24
 
     def __init__(self, *, quiet: bool) -> None:
-        self._quiet, self._start = quiet, time.monotonic()
+        self._quiet, self._terminal, self._start = quiet, sys.stderr.isatty(), time.monotonic()
 
-    def __call__(self, what: str, sim_time: float) -> None:
-        if not self._quiet:
-            elapsed = time.monotonic() - self._start
-            print(f"[{elapsed:6.1f} s, simulated {sim_time:6.1f} s] {what}", file=sys.stderr, flush=True)
+    def __call__(self, what: str, sim_time: float, share: float = 0.0) -> None:
+        """what: a step that was taken, "" between steps; share: of the objects that were let go where they belong."""
+        if self._quiet:
+            return
+        now = f"{time.monotonic() - self._start:6.1f} s, simulated {sim_time:6.1f} s"
+        if what:
+            print(f"{self._clear()}[{now}] {what}", file=sys.stderr, flush=True)
+        if self._terminal:
+            done = round(self.WIDTH * share)
+            print(f"{self._clear()}[{'#' * done:-<{self.WIDTH}}] {now}", end="", file=sys.stderr, flush=True)
 
     def done(self, what: str) -> None:
-        """The last line; on standard output, also when quiet it says nothing."""
+        """The last line, on standard output."""
         if not self._quiet:
+            print(self._clear(), end="", file=sys.stderr, flush=True)
             print(what)
+
+    def _clear(self) -> str:
+        return "\r\033[K" if self._terminal else ""
 
 
 def _objects_list(options: argparse.Namespace) -> None:

@@ -8,7 +8,8 @@ INTERCEPT = -2.9
 DETECTOR = 0.6
 LIKELIHOOD = 8.0
 
-
+MISS_RATE = 0.1
+"""Share of observations in which a detector misses what is there."""
 SUNK = 0.01
 """Standard deviation of the depth by which a true object's estimate sinks into the table, metres."""
 
@@ -24,3 +25,8 @@ def track_probability(p_box: float, p_label: float, likelihood: float, sunk: flo
     confidence = np.clip(p_box * p_label, 1e-3, 1 - 1e-3)
     logit = INTERCEPT + DETECTOR * np.log(confidence / (1 - confidence)) + LIKELIHOOD * likelihood
     return float(np.exp(-0.5 * (max(sunk, 0.0) / SUNK) ** 2) / (1.0 + np.exp(-logit)))
+
+
+def missed_probability(probability: float) -> float:
+    """The probability of a track after an observation in which nothing was detected where it is."""
+    return probability * MISS_RATE / (probability * MISS_RATE + 1.0 - probability)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,7 +16,10 @@ from sum_drake.picking import PickConfig, PickPlan, plan_pick_place, plan_retrea
 from sum_drake.sensor import back_project
 from sum_drake.types import LEAVE, Array, Attempt, Frame, Motion, Perception, Region, Track
 
-POLICIES = ("most_likely",)
+POLICIES: dict[str, Callable[[Track], float]] = {
+    "most_likely": lambda track: track.p_box * track.p_label * track.likelihood,
+}
+"""Which accepted object is tried first: the one with the largest value. most_likely: p(x) of eq. 3, as in the paper."""
 
 
 @dataclasses.dataclass
@@ -24,7 +27,7 @@ class TaskConfig:
     """Choices of the task that are not geometry."""
 
     policy: str = "most_likely"
-    """Which accepted object comes first; most_likely: the largest p(x) of eq. 3, as in the paper."""
+    """Which accepted object comes first, one of POLICIES."""
     max_attempts: int = 3
     """Tries at one label before it is left."""
     max_looks: int = 3
@@ -100,24 +103,31 @@ class SortingTask:
         """
         points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
         refused: list[Attempt] = []
-        accepted = [
-            t
-            for t in perception.posterior.tracks
-            if t.accepted and region_of(t.label, self._goal, self._catalogue) != LEAVE
-        ]
-        for track in sorted(accepted, key=lambda t: (-t.p_box * t.p_label * t.likelihood, t.id)):
+        believed = [track for track in perception.posterior.tracks if track.accepted]
+        wanted = [track for track in believed if not self._is_in_place(track)]
+        value = POLICIES[self._config.policy]
+        for track in sorted(wanted, key=lambda t: (-value(t), t.id)):
             choice = self._try(track, perception, attempts, points_W, q)
             if isinstance(choice, Pick):
                 return dataclasses.replace(choice, refused=tuple(refused))
             refused.append(choice)
-        if not accepted and len(points_W) < self._config.clear_points:
+        unexplained_W = points_W
+        for track in believed:
+            unexplained_W = _not_of(unexplained_W, self._catalogue[track.label], track.X_WO)
+        if not wanted and len(unexplained_W) < self._config.clear_points:
             return Stop("cleared", ())
         if looks + 1 < self._config.max_looks:
             return Look(tuple(refused))
         if refused:
             reasons = ", ".join(f"{a.label} {a.reason}" for a in refused)
             return Stop(f"stopped: no object can be attempted ({reasons})", tuple(refused))
-        return Stop(f"stopped: {len(points_W)} depth points stand on the table but no object is believed there", ())
+        count = len(unexplained_W)
+        return Stop(f"stopped: {count} depth points stand on the table but no object is believed there", ())
+
+    def _is_in_place(self, track: Track) -> bool:
+        """Whether nothing needs to be done with an object: it is to be left alone, or lies where it belongs."""
+        goal = region_of(track.label, self._goal, self._catalogue)
+        return goal == LEAVE or self._regions[goal].holds(track.X_WO[:3, 3])
 
     def _try(
         self, track: Track, perception: Perception, attempts: Sequence[Attempt], points_W: Array, q: Array

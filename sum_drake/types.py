@@ -216,7 +216,7 @@ class Segment(Immutable):
     """A trajectory of the arm together with the opening the fingers are driven to while it runs."""
 
     name: str
-    """approach, reach, close, lift, transport, lower, open, retreat, return ..."""
+    """approach, reach, close, lift, transport, open, retreat or return."""
     trajectory: Trajectory
     gap: float
     """Commanded distance between the fingers, metres."""
@@ -279,6 +279,10 @@ class Region(Immutable):
     """(3,): centre of the box's volume."""
     half_extents: Array
     """(3,)."""
+
+    def holds(self, p_WQ: Array) -> bool:
+        """Whether a point (3,) lies in the box."""
+        return bool(np.all(np.abs(p_WQ - self.p_W) <= self.half_extents))
 
     @property
     def floor_height(self) -> float:

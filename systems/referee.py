@@ -74,7 +74,7 @@ class Referee(LeafSystem):
 
 def transport_slip(samples: tuple[TruthSample, ...], place_motion: int, label: str) -> float | None:
     """How far the object moved in the hand between the lift and the release, metres; None if it was not carried."""
-    held = [s for s in samples if s.motion == place_motion and s.segment in ("transport", "lower")]
+    held = [s for s in samples if s.motion == place_motion and s.segment == "transport"]
     if not held:
         return None
     p_GOs = [np.linalg.solve(s.X_WG, dict(s.X_WOs)[label])[:3, 3] for s in (held[0], held[-1])]

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 import numpy as np
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, System
 
 from sum_drake import belief
-from sum_drake.assets import MODELS
+from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.filtering import PoseEstimator, filter_config
 from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
@@ -51,6 +51,10 @@ SETTLE = 0.5
 """How long arm and objects rest before an observation, seconds."""
 
 
+Progress = Callable[[str, float, float], None]
+"""Told what was done ("" between steps), the simulated time in seconds, and about which share of the job is done."""
+
+
 class Costs:
     """CPU seconds by purpose."""
 
@@ -73,6 +77,8 @@ class Episode:
 
     outcome: str
     """"cleared" or "stopped: <reason>"."""
+    error: Exception | None
+    """What ended the run, if it failed; the rest is what there was until then."""
     perceptions: tuple[Perception, ...]
     attempts: tuple[Attempt, ...]
     truth: tuple[TruthSample, ...]
@@ -143,17 +149,32 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
     return decide, retreat
 
 
+def _simulated_detector(scenario: Scenario, catalogue: Catalogue, station: Diagram) -> SimulatedDetector:
+    return SimulatedDetector(
+        objects=object_render_labels(station),
+        labels=catalogue.labels,
+        sigma_c=scenario.sigma_c,
+        config=scenario.simulated_detector,
+        seed=derive(scenario.random_seed, "detection"),
+    )
+
+
+DETECTORS = {"SimulatedDetector": _simulated_detector}
+"""Makes the system that a scenario names as its detector."""
+
+
 def make_sorting(
     scenario: Scenario,
     X_WOs: Mapping[str, Array],
     catalogue: Catalogue,
     *,
-    writer: RunLogWriter | None = None,
+    open_log: Callable[[], RunLogWriter] | None = None,
     costs: Costs | None = None,
 ) -> Diagram:
     """Station, perception, planner, controller, log and referee in one diagram.
 
-    X_WOs: label -> (4, 4) pose of each object on the table. writer: where the log goes; without one there is none.
+    X_WOs: label -> (4, 4) pose of each object on the table. open_log: called once all else has been made, for where the
+    log goes; without it there is none. Raises InputError for a scene or a catalogue that cannot be used.
     """
     costs = Costs() if costs is None else costs
     seed = scenario.random_seed
@@ -172,16 +193,7 @@ def make_sorting(
     frames = builder.AddNamedSystem(
         "frame_assembler", FrameAssembler(camera=make_camera(scenario.cameras["head_camera"]))
     )
-    detector = builder.AddNamedSystem(
-        "object_detector",
-        SimulatedDetector(
-            objects=object_render_labels(station),
-            labels=catalogue.labels,
-            sigma_c=scenario.sigma_c,
-            config=scenario.simulated_detector,
-            seed=derive(seed, "detection"),
-        ),
-    )
+    detector = builder.AddNamedSystem("object_detector", DETECTORS[scenario.detector](scenario, catalogue, station))
     associator = builder.AddNamedSystem("data_associator", DataAssociator(config=scenario.association))
     estimator = builder.AddNamedSystem(
         "scene_estimator", SceneEstimator(update_belief=bind_perception(scenario, catalogue, costs), period=POLL)
@@ -201,8 +213,8 @@ def make_sorting(
         ),
     )
 
-    def connect(source: object, output: str, target: object, port: str | None = None) -> None:
-        builder.Connect(source.GetOutputPort(output), target.GetInputPort(output if port is None else port))  # type: ignore[attr-defined]
+    def connect(source: System, output: str, target: System, port: str | None = None) -> None:
+        builder.Connect(source.GetOutputPort(output), target.GetInputPort(output if port is None else port))
 
     connect(station, "head_camera.color_image", frames, "color_image")
     connect(station, "head_camera.depth_image", frames, "depth_image")
@@ -225,7 +237,8 @@ def make_sorting(
     connect(station, "truth.body_poses", referee, "body_poses")
     connect(planner, "observe", referee)
     connect(controller, "motion_status", referee)
-    if writer is not None:
+    if open_log is not None:
+        writer = open_log()
         log = builder.AddNamedSystem("run_log", RunLog(writer=writer))
         connect(estimator, "perception", log)
         connect(planner, "attempts", log)
@@ -239,9 +252,11 @@ def flat_directives(directives: Sequence[ModelDirective]) -> list[ModelDirective
     """The same scene without nested files."""
     packages = PackageMap()
     packages.Add("sum_drake", str(MODELS))
-    flat: list[ModelDirective] = FlattenModelDirectives(
-        ModelDirectives(directives=list(directives)), packages
-    ).directives
+    try:
+        nested = ModelDirectives(directives=list(directives))
+        flat: list[ModelDirective] = FlattenModelDirectives(nested, packages).directives
+    except RuntimeError as error:
+        raise InputError(f"directives: {one_line(error)}; expected files of model directives") from error
     return flat
 
 
@@ -262,35 +277,45 @@ def run(
     scenario: Scenario,
     catalogue: Catalogue,
     *,
-    writer: RunLogWriter | None = None,
-    progress: Callable[[str, float], None] = lambda what, sim_time: None,
+    open_log: Callable[[], RunLogWriter] | None = None,
+    progress: Progress = lambda what, sim_time, share: None,
     on_diagram: Callable[[Diagram], None] = lambda diagram: None,
 ) -> Episode:
     """Pours, then sorts until the table is clear, nothing more can be done, or the simulated time is over.
 
-    progress: told what is done, and the simulated time. on_diagram: given the diagram once it is built.
+    open_log: as in `make_sorting`. on_diagram: given the diagram once it is built. Until then InputError and
+    RuntimeError (a pour that does not come to rest) are raised; whatever goes wrong later ends the episode, and is in
+    it.
     """
     start, costs = time.perf_counter(), Costs()
-    progress("pouring", 0.0)
+    progress("pouring", 0.0, 0.0)
     with costs.of("pouring"):
         X_WOs = pour_scene(scenario, catalogue)
-    diagram = make_sorting(scenario, X_WOs, catalogue, writer=writer, costs=costs)
+    diagram = make_sorting(scenario, X_WOs, catalogue, open_log=open_log, costs=costs)
     on_diagram(diagram)
     simulator = Simulator(diagram)
     root = simulator.get_mutable_context()
     set_home(diagram.GetSubsystemByName("station"), root)
-    watch = _Watch(diagram, progress)
+    watch = _Watch(diagram, len(X_WOs), progress)
     simulator.set_monitor(watch)
+    error = None
     with costs.of("all"):
-        simulator.Initialize()
-        simulator.AdvanceTo(scenario.simulation_duration)
+        try:
+            simulator.Initialize()
+            simulator.AdvanceTo(scenario.simulation_duration)
+        except Exception as failure:  # an episode says how it ended, whatever happened in it
+            error = failure
+            watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
+    planner = diagram.GetSubsystemByName("sorting_planner")
+    unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
     seconds = dict(costs.seconds)
     seconds["simulation"] = seconds.pop("all") - seconds.get("perception", 0.0) - seconds.get("planning", 0.0)
     referee = diagram.GetSubsystemByName("referee")
     return Episode(
         outcome=watch.outcome or f"stopped: {scenario.simulation_duration:g} s of simulated time are over",
+        error=error,
         perceptions=tuple(watch.perceptions),
-        attempts=watch.attempts,
+        attempts=watch.attempts if unfinished is None else (*watch.attempts, unfinished),
         truth=referee.samples(referee.GetMyContextFromRoot(root)),
         costs=seconds,
         wall_s=time.perf_counter() - start,
@@ -301,11 +326,11 @@ def run(
 class _Watch:
     """The simulator's monitor: collects records, shows progress, ends the run when the planner says so."""
 
-    def __init__(self, diagram: Diagram, progress: Callable[[str, float], None]) -> None:
+    def __init__(self, diagram: Diagram, count: int, progress: Progress) -> None:
         self.perceptions: list[Perception] = []
         self.attempts: tuple[Attempt, ...] = ()
         self.outcome = ""
-        self._diagram, self._progress = diagram, progress
+        self._diagram, self._count, self._progress, self._told = diagram, count, progress, 0.0
         planner, estimator = (
             diagram.GetSubsystemByName("sorting_planner"),
             diagram.GetSubsystemByName("scene_estimator"),
@@ -320,16 +345,21 @@ class _Watch:
         if perception is not None and perception.step == len(self.perceptions):
             self.perceptions.append(perception)
             accepted = sum(track.accepted for track in perception.posterior.tracks)
-            self._progress(
-                f"observation {perception.step}: {len(perception.detections)} detections, {accepted} objects accepted",
-                time_now,
-            )
+            boxes = len(perception.detections)
+            self._tell(f"observation {perception.step}: {boxes} detections, {accepted} objects accepted", time_now)
         context = self._planner.GetMyContextFromRoot(root)
         attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
         for attempt in attempts[len(self.attempts) :]:
-            self._progress(f"{attempt.label} to {attempt.region}: {attempt.reason}", time_now)
+            self._tell(f"{attempt.label} to {attempt.region}: {attempt.reason}", time_now)
         self.attempts = attempts
+        if time_now >= self._told + 1.0:
+            self._tell("", time_now)
         self.outcome = self._outcome.Eval(context)
         if self.outcome:
             return EventStatus.ReachedTermination(self._diagram, self.outcome)
         return EventStatus.Succeeded()
+
+    def _tell(self, what: str, sim_time: float) -> None:
+        placed = sum(attempt.reason == "executed" for attempt in self.attempts)
+        self._told = sim_time
+        self._progress(what, sim_time, min(1.0, placed / self._count))

@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from sum_drake.picking import PickPlan
-from sum_drake.robot import HAND, arm_positions, finger_gap
+from sum_drake.robot import HAND, STATE_JOINTS, arm_positions, finger_gap
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
@@ -64,7 +64,7 @@ class SortingPlanner(LeafSystem):
         super().__init__()
         self._decide, self._retreat, self._settle_time = decide, retreat, settle_time
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
-        self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(24))
+        self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
         self._state = self.DeclareAbstractState(abstract(_Sorting()))
         of_state = {self.abstract_state_ticket(self._state)}
@@ -140,20 +140,32 @@ class SortingPlanner(LeafSystem):
             motion = self._numbered(held, held.pick.plan.place)
             return dataclasses.replace(held, phase="place", motion=motion, gap_lift=gap, gap_place=gap)
         assert held.motion is not None
-        motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
+        try:
+            motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
+        except RuntimeError as error:
+            stopped = self._record(dataclasses.replace(held, gap_lift=gap, gap_place=gap), released=False)
+            return dataclasses.replace(stopped, phase="done", outcome=f"stopped: {error}")
         return dataclasses.replace(held, phase="retreat", motion=motion, gap_lift=gap, gap_place=gap)
 
     def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:
         """Feels the hand until it opens; afterwards the attempt is history."""
         status: MotionStatus = self._status.Eval(context)
         if not self._done(context, held):
-            if status.segment in ("transport", "lower"):
+            if status.segment == "transport":
                 return dataclasses.replace(held, gap_place=finger_gap(self._robot_state.Eval(context)))
             return held
         return self._record(held, released=True)
 
     def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:
         return self._record(held, released=False) if self._done(context, held) else held
+
+    def unfinished(self, context: Context) -> Attempt | None:
+        """The attempt that was under way, for a run that is cut off; `context` is the planner's own."""
+        held = self._held(context)
+        if held.pick is None:
+            return None
+        attempt = self._record(held, released=False).attempts[-1]
+        return dataclasses.replace(attempt, reason="cut_off")
 
     def _record(self, held: _Sorting, *, released: bool) -> _Sorting:
         """The executed action and the attempt, as far as the robot knows them."""

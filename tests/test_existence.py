@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sum_drake.existence import track_probability
+from sum_drake.existence import missed_probability, track_probability
 
 share = st.floats(0, 1)
 
@@ -20,3 +20,8 @@ def test_better_evidence_never_lowers_it(p_box, p_label, low, high):
 
 def test_nothing_explained_is_nothing_there():
     assert track_probability(1.0, 1.0, 0.0) == 0.0
+
+
+@given(share)
+def test_not_being_seen_lowers_it_and_never_below_zero(p):
+    assert 0.0 <= missed_probability(p) <= p
