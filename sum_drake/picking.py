@@ -1,8 +1,9 @@
 """How to take an object from the table and put it somewhere: grasp, inverse kinematics, paths, timing.
 
 A pick is approach (around everything, to a pose short of the grasp), reach (straight along the hand's approach axis),
-close, lift (straight up). A place is transport (around everything, with the object in the hand), open, retreat
-(straight), return (around everything, to the viewing pose).
+close, lift (straight up). A place is transport (around everything, with the object in the hand), open (as wide as
+object and place allow, so that what sits tighter than was believed comes loose too), retreat (straight back along the
+approach axis, so that nothing stays hooked over a finger), return (around everything, to the viewing pose).
 """
 
 import dataclasses
@@ -14,7 +15,7 @@ from scipy.spatial import ConvexHull
 
 from sum_drake import timing
 from sum_drake.geometry import apply, inverse, rotation_from_vector
-from sum_drake.grasping import RankedGrasps, half_turn
+from sum_drake.grasping import RankedGrasps, half_turn, surface
 from sum_drake.kinematics import CONTINUOUS, Arm
 from sum_drake.motion import (
     FINE,
@@ -28,6 +29,7 @@ from sum_drake.motion import (
     solids_of_points,
 )
 from sum_drake.objects import ObjectModel
+from sum_drake.playback import GAP_SPEED
 from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory
 
@@ -40,8 +42,12 @@ class PickConfig:
     """The hand stops this far short of the grasp, then reaches straight."""
     lifts: list[float] = dataclasses.field(default_factory=lambda: [0.18, 0.26, 0.12])
     """Heights of the straight lift; the first that the arm can do, and that clears what stands around, is taken."""
-    retreats: list[float] = dataclasses.field(default_factory=lambda: [0.14, 0.09])
-    """Lengths of the straight retreat after the release, likewise."""
+    retreats: list[float] = dataclasses.field(default_factory=lambda: [0.14, 0.09, 0.07])
+    """Lengths of the straight retreat after the release, likewise; the pads are .062 m long."""
+    release: float = 0.025
+    """To let go, the fingers open by at least this much more than for the approach, if the object leaves the room."""
+    release_clearance: float = 0.004
+    """Free space between an opened finger and the parts of the object that lie beyond it, such as a mug's far wall."""
     furniture_padding: float = 0.01
     """Distance that the arm keeps from table and bins while it goes around things."""
     solid_padding: float = 0.006
@@ -68,8 +74,8 @@ class PickConfig:
     """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
     close_time: float = 1.0
     """Seconds given to the fingers to close and to press."""
-    open_time: float = 0.6
-    """Seconds given to the fingers to open."""
+    open_time: float = 0.3
+    """Seconds that the arm stands still after the fingers have been told to open, and have had the time to."""
 
 
 REASONS = (
@@ -136,6 +142,8 @@ class _Place(Immutable):
 
     X_WG: Array
     X_WO: Array
+    gap: float
+    """Distance between the fingers once they have let go."""
     retreat: Array
     """(k, 8) from the release backwards."""
 
@@ -222,7 +230,9 @@ def plan_pick_place(
         try:
             pick = _find_pick(arm, scenes, target, ranked.X_WGs[i], gap, grasp.width, q_now)
             searches += 1
-            places = _find_places(arm, scenes, pick, target, region, fill, gap, rng)
+            release = release_gap(model, inverse(pick.X_WG) @ X_WO, gap, config.release_clearance)
+            openings = (release, min(release, gap + config.release))
+            places = _find_places(arm, scenes, pick, target, region, fill, openings, rng)
             motions = _connect(scenes, pick, places, q_now, gap, int(rng.integers(2**31)))
         except _GivenUp as given_up:
             rejected[given_up.cause] += 1
@@ -269,7 +279,7 @@ def plan_retreat(
     path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
     if isinstance(path, NoPath):
         raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
-    segments = [Segment("open", timing.rest(q_now, config.open_time), HAND.gap_max)]
+    segments = [_open(q_now, HAND.gap_max, config)]
     if len(rise) > 1:
         rising = timing.time_curve(rise, speed=config.straight_speed)
         segments.append(Segment("retreat", rising, HAND.gap_max))
@@ -328,12 +338,14 @@ def _first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Ar
 
 
 def _find_places(
-    arm: Arm, scenes: _Scenes, pick: _Pick, target: Solid, region: Region, fill: float, gap: float,
+    arm: Arm, scenes: _Scenes, pick: _Pick, target: Solid, region: Region, fill: float, gaps: Sequence[float],
     rng: np.random.Generator,
 ) -> list[_Place]:  # fmt: skip
-    """Up to three ways to let go of the object over the region, at the lowest height where there is one."""
+    """Up to three ways to let go of the object over the region, at the lowest height where there is one.
+
+    gaps: to open the fingers to; the first that the place allows is taken.
+    """
     config = scenes.config
-    opened, cleared = scenes.close.with_gap(gap), scenes.cleared.with_gap(gap)
     p_OQs, q_lift = np.concatenate(target.hulls), pick.lift[-1]
     X_GO = inverse(pick.X_WG) @ target.X_WS
     # Turned as if the arm carried the object around the shoulder, and by multiples of 30 degrees from there.
@@ -365,13 +377,9 @@ def _find_places(
         places: list[_Place] = []
         for k in np.flatnonzero(free):
             _, q, X_WG, X_WO = options[k]
-            ways = (X_WG @ _along_x(-length) for length in config.retreats)
-            ups = (_shifted(X_WG, np.array([0, 0, length])) for length in config.retreats)
-            for X_back in (*ways, *ups):
-                retreat = _first_free(opened, cartesian_path(arm, X_WG, X_back, q), cleared)
-                if retreat is not None:
-                    places.append(_Place(X_WG, X_WO, retreat))
-                    break
+            place = _let_go(arm, scenes, X_WG, X_WO, q, gaps)
+            if place is not None:
+                places.append(place)
             if len(places) == 3:
                 break
         if places:
@@ -379,12 +387,37 @@ def _find_places(
     raise _GivenUp(stage)
 
 
+def _let_go(arm: Arm, scenes: _Scenes, X_WG: Array, X_WO: Array, q: Array, gaps: Sequence[float]) -> _Place | None:
+    """The widest opening and the longest retreat that are free with the object released at X_WO."""
+    config = scenes.config
+    retreats = [cartesian_path(arm, X_WG, X_WG @ _along_x(-length), q) for length in config.retreats]
+    for gap in dict.fromkeys(gaps):
+        opened, cleared = scenes.close.with_gap(gap), scenes.cleared.with_gap(gap)
+        for paths in retreats:
+            retreat = _first_free(opened, paths, cleared)
+            if retreat is not None:
+                return _Place(X_WG, X_WO, gap, retreat)
+    return None
+
+
+def release_gap(model: ObjectModel, X_GO: Array, gap: float, clearance: float) -> float:
+    """How far fingers `gap` apart can open around an object at X_GO (4, 4), then draw back along -x, metres.
+
+    HAND.gap_max, unless parts of the object lie beyond a finger: one inside a mug must not press on the far wall.
+    """
+    x, y, z = apply(X_GO, surface(model, 0.003).p_OQs).T
+    y = np.abs(y)
+    beyond = (x < HAND.pad_x[1] + clearance) & (np.abs(z) < HAND.pad_half_width + clearance) & (y > gap / 2)
+    room = y[beyond].min(initial=np.inf) - HAND.pad_thickness - clearance
+    return float(np.clip(2 * room, gap, HAND.gap_max))
+
+
 def _connect(
     scenes: _Scenes, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
 ) -> tuple[_Place, Motion, Motion]:
     """Searches the three paths around things, and times everything."""
     config = scenes.config
-    around, cleared = scenes.around.with_gap(gap), scenes.cleared.with_gap(gap)
+    around = scenes.around.with_gap(gap)
     approach = plan_path(around, q_now, pick.reach[:1], seed=seed, budget=config.budget)
     if isinstance(approach, NoPath):
         raise _GivenUp("no_path_to_pregrasp")
@@ -393,6 +426,7 @@ def _connect(
     if isinstance(transport, NoPath):
         raise _GivenUp("no_path_to_place")
     place = places[transport.goal]
+    cleared = scenes.cleared.with_gap(place.gap)
     home = _nearest_turns(VIEW, place.retreat[-1])
     back = plan_path(cleared, place.retreat[-1], home[None], seed=seed, budget=config.budget)
     if isinstance(back, NoPath):
@@ -409,11 +443,16 @@ def _connect(
     )
     placing = (
         Segment("transport", _timed(pick.held, transport.qs, config.speed), 0.0),
-        Segment("open", timing.rest(transport.qs[-1], config.open_time), gap),
-        Segment("retreat", straight(place.retreat), gap),
-        Segment("return", _timed(cleared, back.qs, config.speed), gap),
+        _open(transport.qs[-1], place.gap, config),
+        Segment("retreat", straight(place.retreat), place.gap),
+        Segment("return", _timed(cleared, back.qs, config.speed), place.gap),
     )
     return place, Motion(0, picking), Motion(1, placing)
+
+
+def _open(q: Array, gap: float, config: PickConfig) -> Segment:
+    """Opens a closed hand to `gap` with the arm at rest at q (8,)."""
+    return Segment("open", timing.rest(q, gap / GAP_SPEED + config.open_time), gap)
 
 
 def _timed(scene: PlanningScene, qs: Array, speed: float) -> Trajectory:
