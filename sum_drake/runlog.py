@@ -75,6 +75,7 @@ class RunLogWriter:
         self.attempts = 0
         """How many attempts were written."""
         self._particles = particles
+        self._event_time, self._last_events = -np.inf, dict[str, Any]()
         # A context of its own, kept: channels close when it goes.
         self._context = context = foxglove.Context()
         # One compression thread: the bytes of a log are a function of what is logged.
@@ -136,8 +137,15 @@ class RunLogWriter:
 
     def write_event(self, time: float, name: str, detail: Mapping[str, Any] | None = None) -> None:
         """Anything else worth knowing: `name` and plain data."""
-        self._event.log({"time": time, "name": name, "detail": encode(dict(detail or {}))}, log_time=_nanoseconds(time))
+        said = encode(dict(detail or {}))
+        self._event.log({"time": time, "name": name, "detail": said}, log_time=_nanoseconds(time))
         self._mcap.flush()
+        self._event_time, self._last_events[name] = time, said
+
+    def write_change(self, time: float, name: str, detail: Mapping[str, Any]) -> None:
+        """An event, unless it is the last of its name once more, or a time is told again that the log has passed."""
+        if time >= self._event_time and encode(dict(detail)) != self._last_events.get(name):
+            self.write_event(time, name, detail)
 
     def write_joint_state(self, time: float, names: Sequence[str], positions: Array) -> None:
         """Measured joint positions (n,), rad or m, in the order of `names`."""

@@ -1,19 +1,20 @@
 """Everything that a run was, into its log."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
 
 from sum_drake.robot import STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.types import Attempt, Perception
+from sum_drake.types import Attempt, MotionStatus, Perception
 
 FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
 
 
 class RunLog(LeafSystem):
-    """Writes each perception record and attempt once, and the measured joints at a steady rate.
+    """Writes each perception record, attempt and event once, and the measured joints at a steady rate.
 
     .. pydrake_system::
 
@@ -22,11 +23,17 @@ class RunLog(LeafSystem):
         - perception
         - attempts
         - joint_state
+        - observe
+        - motion_status
+        - outcome
 
     `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
-    far; `joint_state` positions, then velocities, of `joint_names`. Only publish events: nothing in the context
-    changes, and what has been written is known by the writer, so a record that stays on its port, a forced publish
-    or a context that is replayed write nothing twice.
+    far; `joint_state` positions, then velocities, of `joint_names`. `observe`, `motion_status` and `outcome`, as the
+    planner and the controller give them, make events: an observation is asked for, a segment of a motion begins, a
+    motion is done, the run ends.
+
+    Only publish events: nothing in the context changes, and what has been written is known by the writer, so a record
+    that stays on its port, a forced publish or a context that is replayed write nothing twice.
     """
 
     def __init__(
@@ -45,6 +52,9 @@ class RunLog(LeafSystem):
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._attempts = self.DeclareAbstractInputPort("attempts", abstract(()))
         self._joint_state = self.DeclareVectorInputPort("joint_state", BasicVector(2 * len(self._joint_names)))
+        self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
+        self._status = self.DeclareAbstractInputPort("motion_status", abstract())
+        self._outcome = self.DeclareAbstractInputPort("outcome", abstract(""))
         # Every step, before the simulator's monitor may end the run: what came last is in the log, too.
         self.DeclarePerStepPublishEvent(self._write_records)
         self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
@@ -57,7 +67,24 @@ class RunLog(LeafSystem):
         attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
         for attempt in attempts[self._writer.attempts :]:
             self._writer.write_attempt(context.get_time(), attempt)
+        for name, detail in self._events(context):
+            self._writer.write_change(context.get_time(), name, detail)
         return EventStatus.Succeeded()
+
+    def _events(self, context: Context) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """What the inputs say happened last, by name."""
+        observations = round(self._observe.Eval(context)[0])
+        if observations > 0:
+            yield "observation_asked_for", {"observation": observations - 1}
+        status: MotionStatus | None = unpack(self._status.Eval(context))
+        if status is not None and status.motion >= 0:
+            if status.done:
+                yield "motion_done", {"motion": status.motion}
+            else:
+                yield "segment_begun", {"motion": status.motion, "segment": status.segment}
+        outcome: str = self._outcome.Eval(context)
+        if outcome:
+            yield "run_ended", {"outcome": outcome}
 
     def _write_joint_state(self, context: Context) -> EventStatus:
         positions = self._joint_state.Eval(context)[: len(self._joint_names)]

@@ -243,6 +243,9 @@ def make_sorting(
         connect(estimator, "perception", log)
         connect(planner, "attempts", log)
         connect(station, "fetch.state", log, "joint_state")
+        connect(planner, "observe", log)
+        connect(controller, "motion_status", log)
+        connect(planner, "outcome", log)
     diagram = builder.Build()
     diagram.set_name("sorting")
     return diagram
