@@ -1,13 +1,15 @@
 """docs/formats.md names everything that the files hold."""
 
+import inspect
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sum_drake import evaluation, grasping, picking, runlog
+from sum_drake import evaluation, grasp_ranking, picking, runlog
 from sum_drake.geometry import SYMMETRIES
+from sum_drake.systems import run_log
 
 FORMATS = (Path(__file__).parents[1] / "docs" / "formats.md").read_text()
 WORDS = set(re.findall(r"[\w/-]+", FORMATS))
@@ -25,7 +27,7 @@ def names(kind: Any) -> list[str]:
 
 @pytest.mark.parametrize(
     "listed",
-    [evaluation.OUTCOMES, picking.REASONS, grasping.CAUSES, SYMMETRIES, names(evaluation._SUMMARY)],
+    [evaluation.OUTCOMES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES, names(evaluation._SUMMARY)],
     ids=["outcomes", "reasons", "causes", "symmetries", "summary"],
 )
 def test_everything_is_listed(listed: Any) -> None:
@@ -37,6 +39,10 @@ def test_topics_and_schemas_are_listed() -> None:
     topics = re.findall(r"^ +(/\S+)", runlog.__doc__, re.MULTILINE)
     assert len(topics) == 11 and set(topics) <= WORDS
     assert {evaluation.SCHEMA, runlog.SCHEMA} <= WORDS
+
+
+def test_events_are_listed() -> None:
+    assert set(re.findall(r'yield "(\w+)"', inspect.getsource(run_log))) <= WORDS
 
 
 def test_links_within_the_page_lead_somewhere() -> None:

@@ -1,4 +1,4 @@
-"""The RunLog system: each record once, joints at 10 Hz, and nothing that a replay could double."""
+"""The RunLog system: each record and event once, joints at 10 Hz, and nothing that a replay could double."""
 
 from pathlib import Path
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import ConstantVectorSource
 from test_runlog import make_attempt, make_perception
 
 from sum_drake.runlog import RunLogWriter, read_run_log
 from sum_drake.systems.ports import abstract, pack
 from sum_drake.systems.run_log import RunLog
+from sum_drake.types import MotionStatus
 
 JOINTS = ("torso", "pan")
 
@@ -25,6 +26,9 @@ class Source(LeafSystem):
         self._count = self.DeclareAbstractState(abstract(0))
         self.DeclareAbstractOutputPort("perception", abstract, self._calc_perception)
         self.DeclareAbstractOutputPort("attempts", lambda: abstract(()), self._calc_attempts)
+        self.DeclareVectorOutputPort("observe", BasicVector(1), self._calc_observe)
+        self.DeclareAbstractOutputPort("motion_status", abstract, self._calc_status)
+        self.DeclareAbstractOutputPort("outcome", lambda: abstract(""), self._calc_outcome)
         self.DeclarePeriodicUnrestrictedUpdateEvent(1.0, 0.5, self._update)
 
     def _held(self, context: Context) -> int:
@@ -43,13 +47,25 @@ class Source(LeafSystem):
         # Two attempts follow each observation: an object given up and one tried.
         output.set_value(tuple(make_attempt(i // 2) for i in range(2 * self._held(context))))
 
+    def _calc_observe(self, context: Context, output: BasicVector) -> None:
+        output.SetAtIndex(0, self._held(context))
+
+    def _calc_status(self, context: Context, output: Value[object]) -> None:
+        # From the first observation on, a motion of two segments a second.
+        motion, into = divmod(context.get_time() - 0.55, 1.0)
+        segment = "" if into > 0.6 or motion < 0 else "lift" if into > 0.3 else "reach"
+        output.set_value(MotionStatus(max(int(motion), -1), segment, not segment))
+
+    def _calc_outcome(self, context: Context, output: Value[object]) -> None:
+        output.set_value("cleared" if self._held(context) == 3 else "")
+
 
 def make_diagram(writer: RunLogWriter) -> Diagram:
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("source", Source())
     run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS))
     joints = builder.AddNamedSystem("joints", ConstantVectorSource([0.3, 1.0, 0.0, 0.0]))
-    for port in ("perception", "attempts"):
+    for port in ("perception", "attempts", "observe", "motion_status", "outcome"):
         builder.Connect(source.GetOutputPort(port), run_log.GetInputPort(port))
     builder.Connect(joints.get_output_port(), run_log.GetInputPort("joint_state"))
     return builder.Build()
@@ -58,7 +74,7 @@ def make_diagram(writer: RunLogWriter) -> Diagram:
 def test_ports() -> None:
     system = RunLog(writer=None, joint_names=JOINTS)  # type: ignore[arg-type]
     names = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
-    assert names == ["perception", "attempts", "joint_state"]
+    assert names == ["perception", "attempts", "joint_state", "observe", "motion_status", "outcome"]
     assert system.num_output_ports() == 0
     assert system.GetInputPort("joint_state").size() == 4
 
@@ -70,9 +86,12 @@ def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None
         system.GetInputPort("perception").FixValue(context, abstract())
         system.GetInputPort("attempts").FixValue(context, abstract(()))
         system.GetInputPort("joint_state").FixValue(context, np.zeros(4))
+        system.GetInputPort("observe").FixValue(context, [0.0])
+        system.GetInputPort("motion_status").FixValue(context, abstract(MotionStatus(-1, "", True)))
+        system.GetInputPort("outcome").FixValue(context, abstract(""))
         system.ForcedPublish(context)
     record = read_run_log(tmp_path / "run.mcap")
-    assert record.perceptions == () and record.attempts == ()
+    assert record.perceptions == () and record.attempts == () and record.events == ()
 
 
 @pytest.mark.parametrize("steps", [[3.0], [0.25, 0.5, 1.0, 1.0, 1.5, 2.5, 3.0]])
@@ -91,6 +110,33 @@ def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
     np.testing.assert_allclose([time for time, _ in record.attempts][::2], [0.5, 1.5, 2.5], atol=0.11)
     np.testing.assert_allclose(record.joint_times, np.arange(31) * 0.1, atol=1e-9)
     np.testing.assert_array_equal(record.joint_positions, [[0.3, 1.0]] * 31)
+
+
+@pytest.mark.parametrize("steps", [[3.0], [0.25, 0.7, 0.7, 1.5, 2.7, 3.0]])
+def test_each_event_once_and_in_order(tmp_path: Path, steps: list[float]) -> None:
+    """What the robot asked for, set out to do and finished, however time is cut, and after a look back in time."""
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        diagram = make_diagram(writer)
+        simulator = Simulator(diagram)
+        for time in steps:
+            simulator.AdvanceTo(time)
+            diagram.ForcedPublish(simulator.get_context())
+        simulator.AdvancePendingEvents()
+        again = Simulator(diagram)
+        again.AdvanceTo(2.0)
+    events = read_run_log(tmp_path / "run.mcap").events
+    told = [(event["name"], *event["detail"].values()) for event in events]
+    assert told == [
+        ("observation_asked_for", 0),
+        ("segment_begun", 0, "reach"), ("segment_begun", 0, "lift"), ("motion_done", 0),
+        ("observation_asked_for", 1),
+        ("segment_begun", 1, "reach"), ("segment_begun", 1, "lift"), ("motion_done", 1),
+        ("observation_asked_for", 2),
+        ("segment_begun", 2, "reach"), ("run_ended", "cleared"), ("segment_begun", 2, "lift"),
+    ]  # fmt: skip
+    times = [event["time"] for event in events]
+    assert times == sorted(times)
+    np.testing.assert_allclose(times[1:4], [0.6, 0.9, 1.2], atol=0.11)
 
 
 def test_what_came_last_is_logged_when_the_monitor_ends_the_run(tmp_path: Path) -> None:
