@@ -246,7 +246,7 @@ def _advance(simulator: Simulator, duration: float) -> None:
     """Simulates on; a state that Drake cannot step from rejects the attempt."""
     try:
         simulator.AdvanceTo(simulator.get_context().get_time() + duration)
-    except RuntimeError as error:
+    except (RuntimeError, SystemExit) as error:  # the latter is how a failed DRAKE_DEMAND reaches Python
         raise _Rejected(f"the simulation broke down: {one_line(error)}") from error
 
 
