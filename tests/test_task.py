@@ -1,0 +1,291 @@
+"""What the robot does next: which object, where to, when it looks again, and when it is done."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scenes import TABLE, observe, standing
+
+from sum_drake import timing
+from sum_drake.geometry import apply, rotation_from_vector
+from sum_drake.grasping import GraspConfig
+from sum_drake.kinematics import Arm
+from sum_drake.motion import PlanningScene, solid_of
+from sum_drake.objects import load_catalogue, sample_surface
+from sum_drake.picking import PickConfig
+from sum_drake.robot import VIEW
+from sum_drake.task import (
+    Look,
+    Pick,
+    SortingTask,
+    Stop,
+    TaskConfig,
+    _not_of,
+    _same_grasp,
+    region_of,
+    standing_points,
+    thin,
+)
+from sum_drake.types import Attempt, Perception, PickPlace, PoseBelief, Region, SceneBelief, Track, readonly
+
+CATALOGUE = load_catalogue()
+ARM = Arm()
+SCENE = PlanningScene()
+EYE = readonly(np.eye(4))
+REGIONS = {
+    "table": Region("table", readonly([0.72, 0.0, 0.95]), readonly([0.30, 0.45, 0.25])),
+    "cleaning_bin": Region("cleaning_bin", readonly([0.12, -0.62, 0.47]), readonly([0.20, 0.20, 0.18])),
+    "non_cleaning_bin": Region("non_cleaning_bin", readonly([0.12, 0.62, 0.47]), readonly([0.20, 0.20, 0.18])),
+}
+GOAL = {"cleaning": "cleaning_bin", "non-cleaning": "non_cleaning_bin"}
+CONFIG = TaskConfig()
+CAN = standing(CATALOGUE, "soup_can", 0.6, 0.05)
+
+
+def make_task(**changes):
+    given = {
+        "catalogue": CATALOGUE, "arm": ARM, "scene": SCENE, "regions": REGIONS, "goal": GOAL, "config": CONFIG,
+        "grasp_config": GraspConfig(), "pick_config": PickConfig(), "seed": 2,
+    }  # fmt: skip
+    return SortingTask(**{**given, **changes})
+
+
+def believe(label, X_WO, track=0, *, p_box=0.9, p_label=0.9, likelihood=0.6, accepted=True):
+    """A track whose belief is spread over millimetres."""
+    rng = np.random.default_rng(track)
+    X_WOs = np.repeat(X_WO[None], 30, axis=0)
+    X_WOs[:, :3, 3] += rng.normal(0, 0.002, (30, 3))
+    belief = PoseBelief(readonly(X_WOs), readonly(np.full(30, 1 / 30)))
+    return Track(track, label, (0, 0, 9, 9), p_box, p_label, belief, readonly(X_WO), likelihood, 0.8, accepted, 0, 0)
+
+
+def see(X_WOs, tracks):
+    """The record of an observation of the objects at X_WOs, of which `tracks` are believed."""
+    frame, _ = observe(CATALOGUE, X_WOs)
+    return Perception(0, frame, (), (), SceneBelief(), SceneBelief(0, tuple(tracks), len(tracks)), None)
+
+
+def tried(label, *, region="non_cleaning_bin", released=True, X_OG=None):
+    """A try in which something was moved."""
+    action = PickPlace(0, "pick_place", 0, label, EYE, EYE, region, 0.04, 0.04, released)
+    reason = "executed" if released else "empty_hand"
+    return Attempt(0, 0, label, region, "pick_place", reason, 30, (), action, X_OG)
+
+
+def height_of_release(plan, region):
+    """Of the object's lowest point above the region's floor, metres."""
+    hulls = np.concatenate(solid_of(CATALOGUE[plan.grasp.label], EYE).hulls)
+    return apply(plan.X_WO_place, hulls)[:, 2].min() - region.floor_height
+
+
+@pytest.fixture(scope="module")
+def can_seen():
+    return see({"soup_can": CAN}, [believe("soup_can", CAN)])
+
+
+@pytest.fixture(scope="module")
+def pick(can_seen):
+    choice = make_task().decide(can_seen, (), 0, VIEW)
+    assert isinstance(choice, Pick)
+    return choice
+
+
+def test_what_is_believed_and_can_be_grasped_is_picked_from_where_the_arm_is(pick):
+    assert (pick.track.label, pick.region, pick.refused) == ("soup_can", "non_cleaning_bin", ())
+    np.testing.assert_allclose(pick.plan.pick.segments[0].trajectory.positions[0], VIEW)
+    bin_ = REGIONS["non_cleaning_bin"]
+    assert np.all(np.abs(pick.plan.X_WO_place[:2, 3] - bin_.p_W[:2]) < bin_.half_extents[:2])
+    assert min(abs(height_of_release(pick.plan, bin_) - h) for h in PickConfig().release_heights) < 1e-6, "empty bin"
+
+
+def test_a_grasp_like_one_that_failed_is_not_tried_again_and_what_cannot_be_tried_is_passed_over(pick):
+    failed = pick.plan.grasp.X_OG
+    mug = standing(CATALOGUE, "mug", 0.6, -0.2)
+    seen = see({"soup_can": CAN, "mug": mug}, [believe("soup_can", CAN), believe("mug", mug, 1, likelihood=0.9)])
+    attempts = [tried("soup_can", released=False, X_OG=failed), *[tried("mug", released=False)] * CONFIG.max_attempts]
+    choice = make_task().decide(seen, attempts, 0, VIEW)
+    assert isinstance(choice, Pick)
+    assert choice.track.label == "soup_can"
+    assert not _same_grasp(choice.plan.grasp.X_OG, failed)
+    (refused,) = choice.refused
+    assert (refused.label, refused.reason, refused.action) == ("mug", "too_many_failures", None), "likelier, but"
+
+
+def test_things_are_let_go_higher_the_more_lie_in_the_bin_already(can_seen):
+    placed = [tried(label) for label in ("mug", "toy")]
+    elsewhere = [tried("tide", region="cleaning_bin"), tried("sugar", released=False)]
+    choice = make_task().decide(can_seen, placed + elsewhere, 0, VIEW)
+    assert isinstance(choice, Pick)
+    height = height_of_release(choice.plan, REGIONS["non_cleaning_bin"]) - 2 * CONFIG.fill_per_object
+    assert min(abs(height - h) for h in PickConfig().release_heights) < 1e-6
+
+
+def test_a_bin_is_taken_to_be_filled_by_what_was_let_go_in_it_up_to_a_limit():
+    task = make_task()
+    fills = [task._fill("cleaning_bin", [tried("tide", region="cleaning_bin")] * count) for count in range(9)]
+    assert fills[:2] == [0.0, CONFIG.fill_per_object]
+    assert fills == sorted(fills)
+    assert fills[-1] == CONFIG.fill_max
+    assert task._fill("cleaning_bin", [tried("mug"), tried("tide", region="cleaning_bin", released=False)]) == 0.0
+
+
+def test_an_empty_table_is_cleared():
+    choice = make_task().decide(see({}, []), (), 0, VIEW)
+    assert isinstance(choice, Stop)
+    assert choice.outcome == "cleared"
+
+
+@pytest.mark.parametrize("accepted", [None, False], ids=["no track", "a track that is not accepted"])
+def test_what_stands_there_and_is_not_believed_is_looked_at_again_until_that_is_no_use(accepted):
+    mug = standing(CATALOGUE, "mug", 0.6, 0.1)
+    tracks = [] if accepted is None else [believe("mug", mug, accepted=accepted)]
+    seen = see({"mug": mug}, tracks)
+    choices = [make_task().decide(seen, (), looks, VIEW) for looks in range(CONFIG.max_looks)]
+    assert [type(choice) for choice in choices] == [Look] * (CONFIG.max_looks - 1) + [Stop]
+    assert choices[-1].outcome.startswith("stopped: ")
+    assert "no object is believed" in choices[-1].outcome
+
+
+def test_an_object_that_was_tried_often_enough_is_refused_and_the_reason_is_told(can_seen):
+    attempts = [tried("soup_can", released=False)] * CONFIG.max_attempts
+    look = make_task().decide(can_seen, attempts, 0, VIEW)
+    assert isinstance(look, Look)
+    (refused,) = look.refused
+    assert (refused.label, refused.kind, refused.reason) == ("soup_can", "none", "too_many_failures")
+    stop = make_task().decide(can_seen, attempts, CONFIG.max_looks - 1, VIEW)
+    assert isinstance(stop, Stop)
+    assert stop.outcome == "stopped: no object can be attempted (soup_can too_many_failures)"
+
+
+def test_what_was_given_up_before_anything_moved_is_no_try():
+    far = see({}, [believe("sugar", standing(CATALOGUE, "sugar", 2.0, 0.0))])
+    given_up = [dataclasses.replace(tried("sugar"), action=None, reason="ik")] * CONFIG.max_attempts
+    look = make_task(pick_config=PickConfig(grasps=3)).decide(far, given_up, 0, VIEW)
+    assert isinstance(look, Look)
+    (refused,) = look.refused
+    assert refused.reason == "ik", "examined again, in vain: it is out of reach"
+    assert dict(refused.rejected_by)["ik"] == 3
+    assert refused.grasp_candidates >= 3
+
+
+def test_the_likeliest_object_of_eq_3_comes_first():
+    tracks = [
+        believe("mug", standing(CATALOGUE, "mug", 0.6, 0.2), 0, likelihood=0.5),
+        believe("toy", standing(CATALOGUE, "toy", 0.6, 0.0), 1, likelihood=0.9, p_box=0.5),
+        believe("sugar", standing(CATALOGUE, "sugar", 0.6, -0.2), 2, likelihood=0.6),
+    ]
+    attempts = [tried(track.label, released=False) for track in tracks for _ in range(CONFIG.max_attempts)]
+    look = make_task().decide(see({}, tracks), attempts, 0, VIEW)
+    assert [refused.label for refused in look.refused] == ["sugar", "mug", "toy"]
+
+
+@pytest.mark.parametrize("goal", [{**GOAL, "soup_can": "leave"}, {"cleaning": "cleaning_bin"}], ids=["leave", "none"])
+def test_what_is_to_be_left_alone_stays_and_the_rest_of_the_table_is_clear(can_seen, goal):
+    choice = make_task(goal=goal).decide(can_seen, (), 0, VIEW)
+    assert isinstance(choice, Stop)
+    assert (choice.outcome, choice.refused) == ("cleared", ())
+
+
+def test_what_is_left_alone_hides_nothing_else():
+    """A mug nobody believes in is looked at again although the can beside it is to stay."""
+    seen = see({"soup_can": CAN, "mug": standing(CATALOGUE, "mug", 0.6, -0.2)}, [believe("soup_can", CAN)])
+    assert isinstance(make_task(goal={**GOAL, "soup_can": "leave"}).decide(seen, (), 0, VIEW), Look)
+
+
+def test_the_region_of_a_label_goes_before_that_of_its_category():
+    assert region_of("tide", GOAL, CATALOGUE) == "cleaning_bin"
+    assert region_of("tide", {**GOAL, "tide": "non_cleaning_bin"}, CATALOGUE) == "non_cleaning_bin"
+    assert region_of("tide", {"tide": "leave", **GOAL}, CATALOGUE) == "leave"
+    assert region_of("mug", {"cleaning": "cleaning_bin"}, CATALOGUE) == "leave", "the goal has neither"
+
+
+def test_points_are_those_that_stand_over_the_table_and_no_others():
+    there, beside = standing(CATALOGUE, "sugar", 0.6, 0.0), standing(CATALOGUE, "mug", 0.35, 0.0)
+    table = dataclasses.replace(REGIONS["table"], half_extents=readonly([0.22, 0.45, 0.25]))
+    frame, boxes = observe(CATALOGUE, {"sugar": there, "mug": beside})
+    assert set(boxes) == {"sugar", "mug"}, "both are in the picture"
+    points_W = standing_points(frame, table, CONFIG.clear_height)
+    assert len(points_W) > 500
+    assert points_W[:, 2].min() > TABLE + CONFIG.clear_height
+    assert len(_not_of(points_W, CATALOGUE["sugar"], there)) == 0, "all of them are the sugar's"
+    assert len(standing_points(observe(CATALOGUE, {})[0], table, CONFIG.clear_height)) == 0
+
+
+def test_pixels_without_depth_are_no_points():
+    frame, _ = observe(CATALOGUE, {"sugar": standing(CATALOGUE, "sugar", 0.6, 0.0)})
+    blind = dataclasses.replace(frame, depth=readonly(np.zeros_like(frame.depth), np.float32))
+    assert standing_points(blind, REGIONS["table"], CONFIG.clear_height).shape == (0, 3)
+
+
+def test_an_object_explains_the_points_on_it_and_not_those_beside_it():
+    model = CATALOGUE["mug"]
+    X_WO = standing(CATALOGUE, "mug", 0.6, 0.1, yaw=1.0)
+    p_O, n_O = sample_surface(model, 500, np.random.default_rng(1))
+    near, off = apply(X_WO, p_O + 0.008 * n_O), apply(X_WO, p_O) + [0.0, 0.3, 0.0]
+    np.testing.assert_array_equal(_not_of(np.concatenate([near, off]), model, X_WO), off)
+    assert _not_of(np.empty((0, 3)), model, X_WO).shape == (0, 3)
+
+
+def test_grasps_are_the_same_within_15_mm_and_25_degrees():
+    X_OG = readonly(standing(CATALOGUE, "mug", 0.01, 0.02, yaw=0.7))
+
+    def moved(metres, degrees):
+        X = X_OG.copy()
+        X[1, 3] += metres
+        X[:3, :3] = X[:3, :3] @ rotation_from_vector(np.radians([0.0, degrees, 0.0]))
+        return X
+
+    assert _same_grasp(X_OG, X_OG)
+    assert _same_grasp(X_OG, moved(0.014, 24))
+    assert not _same_grasp(X_OG, moved(0.016, 0))
+    assert not _same_grasp(X_OG, moved(0.0, 26))
+
+
+@pytest.mark.parametrize(("count", "limit"), [(0, 3), (3, 3), (4, 3), (10_000, 3000)])
+def test_thinning_keeps_at_most_so_many_points_from_all_over(count, limit):
+    points = np.arange(count)
+    kept = thin(points, limit)
+    assert len(kept) <= limit
+    assert len(kept) > limit / 2 or count <= limit / 2
+    if count > limit:
+        assert kept[-1] >= count - count / limit - 2
+    else:
+        np.testing.assert_array_equal(kept, points)
+
+
+@pytest.fixture(scope="module")
+def q_over_table():
+    """The arm (8,) with the hand just over the table, pointing down."""
+    X_WG = np.eye(4)
+    X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    X_WG[:3, 3] = [0.6, -0.1, 0.80]
+    return ARM.solve(X_WG)
+
+
+def assert_returns(motion, q):
+    assert motion.id == 7
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
+    # Continuous joints may come back a turn away.
+    end = motion.segments[-1].trajectory.positions[-1]
+    np.testing.assert_allclose(np.cos(end - VIEW), 1.0, atol=1e-9)
+
+
+def test_the_way_back_goes_around_what_was_last_seen(q_over_table):
+    tide = standing(CATALOGUE, "tide", 0.55, 0.2)
+    motion = make_task().retreat(see({"tide": tide}, [believe("tide", tide)]), q_over_table, 7)
+    assert_returns(motion, q_over_table)
+    among = SCENE.with_solids((solid_of(CATALOGUE["tide"], tide),))
+    for segment in motion.segments:
+        assert among.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
+
+
+def test_a_belief_that_leaves_no_way_back_is_not_believed(q_over_table):
+    """What was pushed about may be believed where the arm must go; table and bins still count."""
+    hand = ARM.forward(VIEW)
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = hand[:3, 3]
+    motion = make_task().retreat(see({}, [believe("tide", X_WO)]), q_over_table, 7)
+    assert_returns(motion, q_over_table)
+    assert not SCENE.with_solids((solid_of(CATALOGUE["tide"], X_WO),)).is_free(VIEW)
+    for segment in motion.segments:
+        assert SCENE.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
