@@ -21,7 +21,6 @@ from pydrake.geometry import (
     ProximityProperties,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlant, MultibodyPlantConfig
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
@@ -37,8 +36,10 @@ from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial.transform import Rotation
 
 from sum_drake.geometry import apply, inverse, rotation_angle, rotation_from_vector, transform
-from sum_drake.grasping import GraspConfig, grasp_candidates, rank_grasps, surface
+from sum_drake.grasp_ranking import rank_grasps
+from sum_drake.grasping import GraspConfig, grasp_candidates, surface
 from sum_drake.objects import Catalogue, ObjectModel, load_catalogue
+from sum_drake.parsing import make_parser
 from sum_drake.robot import HAND
 from sum_drake.types import Array, PoseBelief
 
@@ -72,7 +73,7 @@ class World:
             plant.world_body(), ground, Box(1.0, 1.0, 1.0), "table", _proximity(0.5, rigid=True)
         )
         assert model.sdf is not None
-        instance = Parser(plant).AddModels(str(model.sdf))[0]
+        instance = make_parser(plant).AddModels(str(model.sdf))[0]
         self.object: RigidBody = plant.get_body(plant.GetBodyIndices(instance)[0])
         self._add_hand(plant, R_WG)
         plant.Finalize()

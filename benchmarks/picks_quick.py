@@ -14,7 +14,7 @@ import numpy as np
 
 from sum_drake import robot, timing
 from sum_drake.geometry import inverse, rotation_from_vector, transform
-from sum_drake.grasping import RankedGrasps
+from sum_drake.grasp_ranking import RankedGrasps
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene, solid_of
 from sum_drake.objects import Catalogue, ObjectModel, load_catalogue

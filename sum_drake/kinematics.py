@@ -92,11 +92,6 @@ class Arm:
             found = found[np.abs(found - found[0]).max(axis=1) >= spread]
         return np.array(chosen).reshape(-1, 8)
 
-    def solve(self, X_WG: Array, *, near: Array = robot.VIEW) -> Array | None:
-        """The cheapest joint positions (8,) that put the hand at X_WG (4, 4), None where it cannot be put."""
-        found = self.solutions(X_WG, near=near, count=1)
-        return found[0] if len(found) else None
-
     def follow(self, X_WGs: Array, q_start: Array, *, count: int = 4, step: float = 0.3) -> Array:
         """Paths (n, k, 8), n <= count, that carry the hand through X_WGs (k, 4, 4) from q_start; the quickest first.
 
@@ -111,7 +106,7 @@ class Arm:
         qs = every[:, 2 * int(np.sin(q_start[4]) < 0) + int(np.cos(q_start[3]) < 0), int(np.sin(q_start[6]) < 0)]
         qs = qs.reshape(m, k, 8)
         qs[:, :, CONTINUOUS] = np.unwrap(qs[:, :, CONTINUOUS], axis=1)
-        qs += _whole_turns(qs[:, :1], q_start)
+        qs += nearest_turns(qs[:, :1], q_start) - qs[:, :1]
         steps = np.abs(np.diff(np.concatenate([np.broadcast_to(q_start, (m, 1, 8)), qs], 1), axis=1))
         steps[np.isnan(steps)] = np.inf
         good = self.within_limits(qs).all(1) & (steps.max((1, 2)) < step) & (steps[:, 0].max(1) < 1e-3)
@@ -126,14 +121,14 @@ class Arm:
         torso, pan = (a.ravel() for a in np.meshgrid(torsos, pans, indexing="ij"))
         qs = _closed_form(np.broadcast_to(X_WG, (len(torso), 4, 4)), torso, pan).reshape(-1, 8)
         qs = qs[~np.isnan(qs).any(1)]
-        qs = qs + _whole_turns(qs, near)
+        qs = nearest_turns(qs, near)
         return np.asarray(qs[self.within_limits(qs)])
 
 
-def _whole_turns(qs: Array, near: Array) -> Array:
-    """Multiples of a turn that bring the continuous joints of qs (..., 8) closest to near."""
-    turns: Array = np.where(CONTINUOUS, 2 * np.pi * np.round((near - qs) / (2 * np.pi)), 0.0)
-    return turns
+def nearest_turns(qs: Array, near: Array) -> Array:
+    """qs (..., 8) with the continuous joints in the turn closest to near (8,)."""
+    turned: Array = qs + np.where(CONTINUOUS, 2 * np.pi * np.round((near - qs) / (2 * np.pi)), 0.0)
+    return turned
 
 
 def _cost(qs: Array, near: Array) -> Array:

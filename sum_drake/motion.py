@@ -25,7 +25,7 @@ from sum_drake.assets import InputError, asset, one_line
 from sum_drake.kinematics import Arm
 from sum_drake.objects import ObjectModel
 from sum_drake.parsing import add_packages, parser_allowed
-from sum_drake.types import Array, Immutable
+from sum_drake.types import Array, Immutable, readonly
 
 SORTING = "package://sum_drake/scenes/sorting.dmd.yaml"
 FINE = 0.005
@@ -45,6 +45,10 @@ class Solid(Immutable):
     """(n, 3) points each, n >= 4 and not flat."""
     X_WS: Array
     """(4, 4)."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hulls", tuple(readonly(hull) for hull in self.hulls))
+        object.__setattr__(self, "X_WS", readonly(self.X_WS))
 
 
 def solid_of(model: ObjectModel, X_WO: Array, name: str | None = None) -> Solid:
@@ -253,8 +257,9 @@ def plan_path(
     """A short free path from q_start (8,) to one of q_goals (n, 8), or why there is none.
 
     RRT-Connect (Kuffner and LaValle 2000) checks edges every `step` radians, shortcuts are taken, and the result is
-    checked every `FINE` radians; a path that fails that is searched for again at half the step. `budget` bounds the
-    calls of the planner's termination condition, so the answer depends on the arguments alone.
+    checked every `FINE` radians; a path that fails that is searched for again at half the step. Each such round tries
+    rooms of growing size, and gives up in one after its share of `budget` calls of the planner's termination condition.
+    No clock is asked, so the answer depends on the arguments alone.
     """
     q_goals = np.atleast_2d(q_goals)
     if not scene.is_free(q_start):
@@ -271,7 +276,7 @@ def plan_path(
             return NoPath("budget", (), checks)
         if scene.path_free(qs):
             goal = int(free[np.abs(q_goals[free] - qs[-1]).max(1).argmin()])
-            return Path(qs, goal, checks)
+            return Path(readonly(qs), goal, checks)
         step /= 2
     return NoPath("budget", (), checks)
 

@@ -15,8 +15,9 @@ from scipy.spatial import ConvexHull
 
 from sum_drake import timing
 from sum_drake.geometry import apply, inverse, rotation_from_vector
-from sum_drake.grasping import RankedGrasps, half_turn, surface
-from sum_drake.kinematics import CONTINUOUS, Arm
+from sum_drake.grasp_ranking import RankedGrasps
+from sum_drake.grasping import half_turn, surface
+from sum_drake.kinematics import Arm, nearest_turns
 from sum_drake.motion import (
     FINE,
     NoPath,
@@ -31,7 +32,7 @@ from sum_drake.motion import (
 from sum_drake.objects import ObjectModel
 from sum_drake.playback import GAP_SPEED
 from sum_drake.robot import HAND, VIEW
-from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory
+from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory, readonly
 
 
 @dataclasses.dataclass
@@ -110,7 +111,7 @@ class PickPlan(Immutable):
     grasp_candidates: int
     """Grasps that were ranked, kept or dropped."""
     rejected_by: tuple[tuple[str, int], ...]
-    """Grasps dropped before this one, by cause: grasping.CAUSES, then REASONS."""
+    """Grasps dropped before this one, by cause: grasp_ranking.CAUSES, then REASONS."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -124,7 +125,7 @@ class Infeasible(Immutable):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Pick(Immutable):
+class _Pick:
     """Joint paths of one way to pick."""
 
     X_WG: Array
@@ -137,7 +138,7 @@ class _Pick(Immutable):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Place(Immutable):
+class _Place:
     """One way to let go."""
 
     X_WG: Array
@@ -157,7 +158,7 @@ class _GivenUp(Exception):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Scenes(Immutable):
+class _Scenes:
     """One scene, as it is seen in the phases of the motion."""
 
     around: PlanningScene
@@ -241,7 +242,16 @@ def plan_pick_place(
                 break
             continue
         place, pick_motion, place_motion = motions
-        return PickPlan(grasp, pick.X_WG, pick_motion, place_motion, place.X_WG, place.X_WO, candidates, counts())
+        return PickPlan(
+            grasp=grasp,
+            X_WG=readonly(pick.X_WG),
+            pick=pick_motion,
+            place=place_motion,
+            X_WG_place=readonly(place.X_WG),
+            X_WO_place=readonly(place.X_WO),
+            grasp_candidates=candidates,
+            rejected_by=counts(),
+        )
     return Infeasible(furthest, candidates, counts())
 
 
@@ -273,7 +283,7 @@ def plan_retreat(
         if risen:
             rise = risen[0]
             break
-    home = _nearest_turns(VIEW, rise[-1])
+    home = nearest_turns(VIEW, rise[-1])
     # A hand that has failed may stand closer to things than a plan would bring it: then without padding.
     free = around if around.is_free(rise[-1]) else bare
     path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
@@ -367,7 +377,7 @@ def _find_places(
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
                 for q in arm.solutions(X_WG, near=q_lift, count=2, thorough=False):
-                    home = _nearest_turns(VIEW, q)
+                    home = nearest_turns(VIEW, q)
                     options.append((seconds(np.stack([q_lift, q, home])), q, X_WG, X_WO))
         options.sort(key=lambda option: option[0])
         if not options:
@@ -427,7 +437,7 @@ def _connect(
         raise _GivenUp("no_path_to_place")
     place = places[transport.goal]
     cleared = scenes.cleared.with_gap(place.gap)
-    home = _nearest_turns(VIEW, place.retreat[-1])
+    home = nearest_turns(VIEW, place.retreat[-1])
     back = plan_path(cleared, place.retreat[-1], home[None], seed=seed, budget=config.budget)
     if isinstance(back, NoPath):
         raise _GivenUp("no_path_home")
@@ -469,12 +479,6 @@ def _unexplained(points_W: Array, solids: Sequence[Solid], distance: float) -> A
             faces = ConvexHull(hull).equations  # (f, 4): outward normal and offset
             loose &= (p_SQ @ faces[:, :3].T + faces[:, 3]).max(1) > distance
     return points_W[loose]
-
-
-def _nearest_turns(q: Array, near: Array) -> Array:
-    """q (8,) with its continuous joints in the turn nearest to `near`."""
-    turned: Array = q + np.where(CONTINUOUS, 2 * np.pi * np.round((near - q) / (2 * np.pi)), 0.0)
-    return turned
 
 
 def _along_x(distance: float) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from sum_drake.geometry import apply, inverse, rotation_angle
-from sum_drake.grasping import GraspConfig, grasp_candidates, rank_grasps
+from sum_drake.grasp_ranking import rank_grasps
+from sum_drake.grasping import GraspConfig, grasp_candidates
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue, ObjectModel, sample_surface

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from sum_drake import robot
-from sum_drake.assets import MODELS
 from sum_drake.geometry import rotation_angle
 from sum_drake.kinematics import CONTINUOUS, Arm
+from sum_drake.parsing import make_parser
 
 ARM = Arm()
 
@@ -36,9 +35,7 @@ def lifted(X_WG, height, count):
 
 def test_forward_is_that_of_the_urdf():
     plant = MultibodyPlant(0.0)
-    parser = Parser(plant)
-    parser.package_map().Add("sum_drake", str(MODELS))
-    parser.AddModels(url=robot.FETCH_URDF)
+    make_parser(plant).AddModels(url=robot.FETCH_URDF)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link"))
     plant.Finalize()
     context = plant.CreateDefaultContext()
@@ -54,11 +51,11 @@ def test_forward_is_that_of_the_urdf():
 
 def test_reachable_poses_are_solved():
     X_WGs = ARM.forward_many(random_positions(np.random.default_rng(1), 300))
-    solved = [ARM.solve(X_WG) for X_WG in X_WGs]
-    assert sum(q is not None for q in solved) >= 299
-    for q, X_WG in zip(solved, X_WGs, strict=True):
-        if q is not None:
-            assert_reaches(q[None], X_WG)
+    solved = [ARM.solutions(X_WG, count=1) for X_WG in X_WGs]
+    assert sum(map(len, solved)) >= 299
+    for qs, X_WG in zip(solved, X_WGs, strict=True):
+        if len(qs):
+            assert_reaches(qs, X_WG)
 
 
 @settings(max_examples=40, deadline=None)
@@ -82,7 +79,7 @@ def test_the_reference_itself_is_the_first_choice():
     q = random_positions(np.random.default_rng(3), 1)[0]
     q[[1, 2, 4, 6]] *= 0.8
     q[0] = 0.2
-    np.testing.assert_allclose(ARM.solve(ARM.forward(q), near=q), q, atol=1e-6)
+    np.testing.assert_allclose(ARM.solutions(ARM.forward(q), near=q)[0], q, atol=1e-6)
 
 
 def test_a_straight_wrist_is_solved():
@@ -96,22 +93,19 @@ def test_a_straight_wrist_is_solved():
 def test_poses_out_of_reach_have_no_solution(p_WG):
     X_WG = np.eye(4)
     X_WG[:3, 3] = p_WG
-    assert ARM.solve(X_WG) is None
     assert ARM.solutions(X_WG).shape == (0, 8)
 
 
 def test_a_straight_line_is_followed_without_jumps():
     followed = 0
     for q in random_positions(np.random.default_rng(4), 40):
-        q_start = ARM.solve(ARM.forward(q), near=q)
-        if q_start is None:
-            continue
         X_WGs = lifted(ARM.forward(q), 0.1, 11)
-        for path in ARM.follow(X_WGs, q_start):
-            np.testing.assert_array_equal(path[0], q_start)
-            assert np.abs(np.diff(path, axis=0)).max() < 0.3
-            np.testing.assert_allclose(ARM.forward_many(path), X_WGs, atol=1e-6)
-            followed += 1
+        for q_start in ARM.solutions(X_WGs[0], near=q, count=1):
+            for path in ARM.follow(X_WGs, q_start):
+                np.testing.assert_array_equal(path[0], q_start)
+                assert np.abs(np.diff(path, axis=0)).max() < 0.3
+                np.testing.assert_allclose(ARM.forward_many(path), X_WGs, atol=1e-6)
+                followed += 1
     assert followed > 20
 
 

@@ -36,6 +36,11 @@ def pointing_down(p_WG, yaw=0.0):
     return X_WG
 
 
+def solve(X_WG):
+    """The arm's cheapest way to put its hand at X_WG (4, 4)."""
+    return ARM.solutions(X_WG, count=1)[0]
+
+
 @pytest.fixture(scope="module")
 def bare():
     return PlanningScene()
@@ -51,7 +56,7 @@ def walled():
 @pytest.fixture(scope="module")
 def sides():
     """Free configurations with the hand on one side of the wall and on the other."""
-    left, right = (ARM.solve(pointing_down([0.6, y, 0.9])) for y in (0.2, -0.2))
+    left, right = (solve(pointing_down([0.6, y, 0.9])) for y in (0.2, -0.2))
     return left, right
 
 
@@ -62,16 +67,16 @@ def test_the_viewing_pose_is_free_with_room_to_spare(bare):
 
 
 def test_what_touches_is_named(bare, walled):
-    low = ARM.solve(pointing_down([0.6, 0.0, 0.72]))
+    low = solve(pointing_down([0.6, 0.0, 0.72]))
     assert not bare.is_free(low)
     assert {pair[1] for pair in bare.colliding_pairs(low)} == {"table"}
-    inside = ARM.solve(pointing_down([0.6, 0.0, 0.95]))
+    inside = solve(pointing_down([0.6, 0.0, 0.95]))
     assert bare.is_free(inside)
     assert "wall" in {pair[1] for pair in walled.colliding_pairs(inside)}
 
 
 def test_scenes_are_values(walled):
-    q = ARM.solve(pointing_down([0.6, 0.0, 0.95]))
+    q = solve(pointing_down([0.6, 0.0, 0.95]))
     assert not walled.is_free(q)
     assert walled.ignoring("wall").is_free(q)
     assert not walled.ignoring("block").is_free(q)
@@ -80,7 +85,7 @@ def test_scenes_are_values(walled):
 
 
 def test_padding_keeps_a_distance(bare):
-    q = ARM.solve(pointing_down([0.6, 0.0, 0.70 + robot.HAND.pad_x[1] + 0.008]))
+    q = solve(pointing_down([0.6, 0.0, 0.70 + robot.HAND.pad_x[1] + 0.008]))
     assert bare.is_free(q)
     assert not bare.padded(furniture=0.01, solids=0.0).is_free(q)
     assert bare.padded(furniture=0.005, solids=0.01).is_free(q)
@@ -90,12 +95,12 @@ def test_solids_of_equal_name_are_told_apart(bare):
     twins = [block("box", [0.6, y, 0.75], [0.06, 0.06, 0.05]) for y in (-0.1, 0.1)]
     scene = bare.with_solids(twins)
     assert scene.names == ("box", "box#2")
-    q = ARM.solve(pointing_down([0.6, 0.1, 0.79]))
+    q = solve(pointing_down([0.6, 0.1, 0.79]))
     assert {pair[1] for pair in scene.colliding_pairs(q)} == {"box#2"}
 
 
 def test_a_held_object_counts(bare):
-    q = ARM.solve(pointing_down([0.6, 0.0, 0.85]))
+    q = solve(pointing_down([0.6, 0.0, 0.85]))
     assert bare.is_free(q)
     bar = (CORNERS * [0.03, 0.02, 0.02],)
     assert bare.holding(bar, np.eye(4)).is_free(q)  # it may touch the hand
@@ -158,7 +163,7 @@ def test_a_path_goes_around_and_is_free(walled, sides):
 
 def test_a_goal_that_collides_is_passed_over(walled, sides):
     left, right = sides
-    inside = ARM.solve(pointing_down([0.6, 0.0, 0.95]))
+    inside = solve(pointing_down([0.6, 0.0, 0.95]))
     path = plan_path(walled, left, np.array([inside, right]), seed=1)
     assert isinstance(path, Path)
     assert path.goal == 1
@@ -166,7 +171,7 @@ def test_a_goal_that_collides_is_passed_over(walled, sides):
 
 def test_why_there_is_no_path(walled, sides):
     left, right = sides
-    inside = ARM.solve(pointing_down([0.6, 0.0, 0.95]))
+    inside = solve(pointing_down([0.6, 0.0, 0.95]))
     start = plan_path(walled, inside, np.array([left]), seed=1)
     assert isinstance(start, NoPath)
     assert start.reason == "start_in_collision"
@@ -188,10 +193,10 @@ def test_the_same_query_gives_the_same_path_in_another_process(walled, sides):
     script = """
 import sys; sys.path.insert(0, "tests")
 import numpy as np
-from test_motion import ARM, PlanningScene, block, plan_path, pointing_down
+from test_motion import PlanningScene, block, plan_path, pointing_down, solve
 scene = PlanningScene(solids=(block("wall", [0.6, 0.0, 0.85], [0.15, 0.02, 0.15]),
                               block("block", [0.6, 0.2, 0.75], [0.03, 0.03, 0.05])))
-left, right = (ARM.solve(pointing_down([0.6, y, 0.9])) for y in (0.2, -0.2))
+left, right = (solve(pointing_down([0.6, y, 0.9])) for y in (0.2, -0.2))
 print(plan_path(scene, left, np.array([right]), seed=3).qs.tobytes().hex())
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -201,7 +206,7 @@ print(plan_path(scene, left, np.array([right]), seed=3).qs.tobytes().hex())
 def test_the_hand_moves_straight_along_a_cartesian_path():
     X_WG = pointing_down([0.6, 0.1, 0.8], yaw=0.3)
     X_WG_goal = pointing_down([0.55, 0.15, 0.95], yaw=0.6)
-    q = ARM.solve(X_WG)
+    q = solve(X_WG)
     path = motion.cartesian_path(ARM, X_WG, X_WG_goal, q)[0]
     hands = ARM.forward_many(path)
     along = (X_WG_goal - X_WG)[:3, 3]

@@ -8,7 +8,8 @@ import pytest
 
 from sum_drake import picking, robot, timing
 from sum_drake.geometry import apply, inverse, rotation_from_vector, transform
-from sum_drake.grasping import CAUSES, GraspConfig, RankedGrasps, grasp_candidates, opening, rank_grasps
+from sum_drake.grasp_ranking import CAUSES, RankedGrasps, rank_grasps
+from sum_drake.grasping import GraspConfig, grasp_candidates, opening
 from sum_drake.kinematics import CONTINUOUS, Arm
 from sum_drake.motion import PlanningScene, solid_of
 from sum_drake.objects import load_catalogue, sample_surface
@@ -167,6 +168,13 @@ def test_the_same_question_has_the_same_answer(scene, made):
         np.testing.assert_array_equal(a.trajectory.times, b.trajectory.times)
 
 
+def test_a_plan_cannot_be_changed(made):
+    for array in (made.X_WG, made.X_WG_place, made.X_WO_place, made.pick.segments[0].trajectory.positions):
+        assert not array.flags.writeable
+    solid = solid_of(CATALOGUE["mug"], np.eye(4))
+    assert not any(array.flags.writeable for array in (solid.X_WS, *solid.hulls))
+
+
 def test_another_seed_puts_things_elsewhere(scene, made):
     other = plan(scene, seed=4)
     assert isinstance(other, PickPlan)
@@ -225,7 +233,7 @@ def test_the_way_back_opens_rises_and_returns(scene, z):
     X_WG = np.eye(4)
     X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
     X_WG[:3, 3] = [0.6, -0.1, z]
-    q_now = ARM.solve(X_WG)
+    q_now = ARM.solutions(X_WG)[0]
     motion = plan_retreat(arm=ARM, scene=scene, q_now=q_now, motion_id=5, seed=0, config=PickConfig())
     assert motion.id == 5
     assert [s.name for s in motion.segments] == ["open", "retreat", "return"]

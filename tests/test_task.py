@@ -259,7 +259,7 @@ def q_over_table():
     X_WG = np.eye(4)
     X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
     X_WG[:3, 3] = [0.6, -0.1, 0.80]
-    return ARM.solve(X_WG)
+    return ARM.solutions(X_WG, count=1)[0]
 
 
 def assert_returns(motion, q):

@@ -1,0 +1,224 @@
+"""The order of an object's grasps in a scene: what hand, table, neighbours and belief leave of them, best first."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from sum_drake.geometry import apply, inverse
+from sum_drake.grasping import Cloud, GraspConfig, Mask, contacts, opening, surface
+from sum_drake.objects import ObjectModel
+from sum_drake.robot import HAND
+from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
+
+DEFAULT_MASS = 0.4
+"""Kilograms, of objects whose catalogue does not say."""
+RANKING_POINTS = 5000
+"""At most this many surface points are used while ranking, where time is short."""
+
+CAUSES = (
+    "approach_from_below", "table", "neighbour_finger", "neighbour_palm", "neighbour_approach", "belief_too_wide",
+)  # fmt: skip
+"""Why `rank_grasps` drops a candidate, in the order in which the causes are tested:
+
+approach_from_below: the approach direction is more than `max_tilt` away from straight down; table: the hand would come
+closer to the table than `table_clearance`; neighbour_finger, neighbour_palm, neighbour_approach: an obstacle point
+lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way; belief_too_wide: the grasp
+holds for less than `min_survival` of the belief.
+"""
+
+HAND_PARTS = ("fingers", "palm", "approach")
+"""The volumes of `hand_clearances`, in its order."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RankedGrasps(Immutable):
+    """What is left of an object's candidates in a scene, best first."""
+
+    grasps: tuple[Grasp, ...]
+    X_WGs: Array
+    """(n, 4, 4) at the estimated pose of the object."""
+    gaps: Array
+    """(n,): distance between the fingers during the approach; neighbours were tested with it, so open no wider."""
+    scores: Array
+    """(n,)."""
+    rejected_by: tuple[tuple[str, int], ...]
+    """Number of candidates dropped for each of CAUSES."""
+
+
+def rank_grasps(
+    candidates: Sequence[Grasp],
+    *,
+    model: ObjectModel,
+    X_WO: Array,
+    belief: PoseBelief,
+    points_W: Array,
+    table_height: float,
+    config: GraspConfig,
+) -> RankedGrasps:
+    """Drops the candidates that the scene forbids and orders the others, best first.
+
+    A grasp that comes too close to the table is drawn back along its approach direction before it is dropped, so that
+    the grasps returned are not always among the candidates.
+
+    Args:
+        candidates: of `grasp_candidates(model, ...)`.
+        X_WO: (4, 4), the estimated pose, on which the hand poses are based.
+        belief: the particles over which a grasp should hold.
+        points_W: (m, 3) on surfaces that the hand must not touch: neighbours and unexplained depth.
+        table_height: of the table's top, metres.
+    """
+    X_OGs = np.array([grasp.X_OG for grasp in candidates]).reshape(-1, 4, 4)
+    widths = np.array([grasp.width for grasp in candidates])
+    qualities = np.array([grasp.quality for grasp in candidates])
+    X_WGs = X_WO @ X_OGs
+    gaps = opening(widths, config)
+    cloud = surface(model, config.spacing)
+
+    cause = np.full(len(X_WGs), -1)
+
+    def reject(which: str, bad: Mask) -> None:
+        cause[(cause < 0) & bad] = CAUSES.index(which)
+
+    above = -X_WGs[:, 2, 0]  # cosine of the approach direction with straight down
+    reject("approach_from_below", above < np.cos(config.max_tilt))
+    # A hand that would touch the table is drawn back from the object just far enough, if it still holds it then.
+    below = table_height + config.table_clearance - lowest_point(X_WGs, gaps)
+    back = np.maximum(below, 0.0) / np.maximum(above, 1e-3)
+    reject("table", back > HAND.pad_x[1] - HAND.pad_x[0])
+    X_WGs[:, :3, 3] -= back[:, None] * X_WGs[:, :3, 0]
+    drawn = np.flatnonzero((cause < 0) & (back > 0))
+    lows, highs, qualities[drawn] = _contacts_of(cloud, inverse(X_WGs[drawn]) @ X_WO, gaps[drawn], config)
+    off_centre = np.abs(lows + highs) > config.min_clearance
+    qualities[drawn[off_centre]] = 0.0
+    widths[drawn] = highs - lows
+    reject("table", qualities == 0)
+    clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    left = cause < 0
+    clearances[left] = hand_clearances(X_WGs[left], gaps[left], points_W, approach=config.approach)
+    for part, which in enumerate(("neighbour_finger", "neighbour_palm", "neighbour_approach")):
+        reject(which, clearances[:, part] < config.neighbour_clearance)
+
+    # The mean of the surface stands for the centre of mass, which no catalogue tells.
+    arm_W = apply(X_WO, cloud.p_OQs.mean(0)[None])[0] - X_WGs[:, :3, 3]
+    # The weight's moment about the closing axis twists the object between the pads, which only friction resists; the
+    # pads' normal forces take the moment across it.
+    twist = np.abs(arm_W[:, 1] * X_WGs[:, 0, 1] - arm_W[:, 0] * X_WGs[:, 1, 1])
+    across = np.linalg.norm(arm_W[:, :2], axis=1)
+    moment = 9.81 * (DEFAULT_MASS if model.mass is None else model.mass) * (0.7 * twist + 0.3 * across)
+    balance = 1.0 / (1.0 + (moment / config.torque) ** 2)
+    room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
+    merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
+    scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)
+
+    best = np.argsort(-scores, kind="stable")[: min(config.tried, np.count_nonzero(cause < 0))]
+    survival = np.ones(len(X_WGs))
+    survival[best] = _survival(cloud, X_WO, X_WGs[best], gaps[best], belief, config)
+    reject("belief_too_wide", survival < config.min_survival)
+    scores *= survival
+    order = best[np.argsort(-scores[best], kind="stable")]
+    order = order[cause[order] < 0]
+    X_OGs = inverse(X_WO) @ X_WGs
+    return RankedGrasps(
+        grasps=tuple(Grasp(model.label, readonly(X_OGs[i]), float(widths[i]), float(qualities[i])) for i in order),
+        X_WGs=readonly(X_WGs[order]),
+        gaps=readonly(gaps[order]),
+        scores=readonly(scores[order]),
+        rejected_by=tuple((name, int(np.count_nonzero(cause == i))) for i, name in enumerate(CAUSES)),
+    )
+
+
+def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: float) -> Array:
+    """How far obstacle points stay away from each of HAND_PARTS, metres; negative inside; inf without points.
+
+    Distances are to boxes in the largest-component norm, which never exceeds the Euclidean distance. `fingers` takes
+    in the space between them, since what stands there is grasped too; `approach` is the space behind the palm that the
+    hand passes through on a straight approach of that length.
+
+    Args:
+        X_WGs: (n, 4, 4).
+        gaps: (n,) distances between the fingers.
+        points_W: (m, 3).
+
+    Returns:
+        (n, 3).
+    """
+    clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    if len(X_WGs) == 0:
+        return clearances
+    reach = np.hypot(HAND.pad_x[1] - HAND.palm_x[0] + approach, 0.1)
+    centre = X_WGs[:, :3, 3].mean(0)
+    radius = np.linalg.norm(X_WGs[:, :3, 3] - centre, axis=1).max() + reach
+    points_W = points_W[np.linalg.norm(points_W - centre, axis=1) < radius]
+    lower, upper = _hand_boxes(gaps, approach)
+    for i, X_GW in enumerate(inverse(X_WGs)):
+        x, y, z = apply(X_GW, points_W).T
+        y, z = np.abs(y), np.abs(z)  # the boxes are symmetric in both
+        for part in range(len(HAND_PARTS)):
+            along = np.maximum(lower[i, part, 0] - x, x - upper[i, part, 0])
+            across = np.maximum(y - upper[i, part, 1], z - upper[i, part, 2])
+            clearances[i, part] = np.maximum(along, across).min(initial=np.inf)
+    return clearances
+
+
+def lowest_point(X_WGs: Array, gaps: Array) -> Array:
+    """Height of the lowest point of hands (n, 4, 4) opened to `gaps` (n,)."""
+    lower, upper = _hand_boxes(gaps, 0.0)
+    z_G = X_WGs[:, None, 2, :3]  # the world's up in G
+    lowest: Array = X_WGs[:, 2, 3] + np.minimum(z_G * lower, z_G * upper).sum(-1).min(1)
+    return lowest
+
+
+def _hand_boxes(gaps: Array, approach: float) -> tuple[Array, Array]:
+    """Lower and upper corners in G of HAND_PARTS for each of n openings: (n, 3, 3) each."""
+    y, z = HAND.palm_half
+    upper = np.tile(
+        [
+            [HAND.pad_x[1], 0.0, HAND.pad_half_width],
+            [HAND.palm_x[1], y, z],
+            [HAND.palm_x[0], y, z],
+        ],
+        (len(gaps), 1, 1),
+    )
+    upper[:, 0, 1] = gaps / 2 + HAND.pad_thickness
+    lower = -upper
+    lower[:, :, 0] = HAND.pad_x[0], HAND.palm_x[0], HAND.palm_x[0] - approach
+    return lower, upper
+
+
+def _contacts_of(cloud: Cloud, X_GOs: Array, gaps: Array, config: GraspConfig) -> tuple[Array, Array, Array]:
+    """`contacts` of an object at X_GOs (n, 4, 4) in open hands."""
+    p_OQs, normals_O = cloud.p_OQs[:RANKING_POINTS], cloud.normals_O[:RANKING_POINTS]
+    results = [
+        contacts(
+            apply(X_GO[None], p_OQs), (normals_O @ X_GO[:3, :3].T)[None], gap[None], cloud.area / len(p_OQs), config
+        )
+        for X_GO, gap in zip(X_GOs, gaps, strict=True)
+    ]
+    low, high, quality = np.array(results).reshape(-1, 3).T
+    return low, high, quality
+
+
+def _survival(cloud: Cloud, X_WO: Array, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
+    """(n,) share of the belief for which hands at X_WGs reach the object untouched and hold it once closed."""
+    # Systematic draw without a random offset: the belief's quantiles, the same every time.
+    quantiles = (np.arange(config.particles) + 0.5) / config.particles
+    total = np.cumsum(belief.weights)
+    X_WOs = belief.X_WOs[np.searchsorted(total, quantiles * total[-1]).clip(max=len(total) - 1)]
+    p_OQs, normals_O = cloud.p_OQs[:RANKING_POINTS], cloud.normals_O[:RANKING_POINTS]
+    p_GQs_estimated = apply(inverse(X_WGs) @ X_WO, p_OQs)
+    # Far from the hand nothing matters, whichever particle is true.
+    near: Mask = np.all(np.abs(p_GQs_estimated) < [0.06, 0.08, 0.05], axis=-1)  # (n, m)
+    survival = np.zeros(len(X_WGs))
+    for i, X_GW in enumerate(inverse(X_WGs)):
+        X_GOs = X_GW @ X_WOs
+        p_GQs = apply(X_GOs, p_OQs[near[i]])  # (k, m', 3)
+        n_Gs = normals_O[near[i]] @ np.swapaxes(X_GOs[:, :3, :3], 1, 2)
+        x, y, z = p_GQs[..., 0], np.abs(p_GQs[..., 1]), np.abs(p_GQs[..., 2])
+        finger = (np.abs(x) < HAND.pad_x[1]) & (z < HAND.pad_half_width)
+        finger &= (y > gaps[i] / 2) & (y < gaps[i] / 2 + HAND.pad_thickness)
+        palm = (x < HAND.palm_x[1]) & (y < HAND.palm_half[0]) & (z < HAND.palm_half[1])
+        point_area = cloud.area / len(p_OQs)
+        _, _, quality = contacts(p_GQs, n_Gs, np.full(len(X_GOs), gaps[i]), point_area, config)
+        survival[i] = np.mean((quality > 0) & ~(finger | palm).any(1))
+    return survival

@@ -1,0 +1,152 @@
+"""What a scene leaves of an object's grasps, and in which order."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapes import CONFIG, columns, write_model
+
+from sum_drake.geometry import apply, rotation_from_vector, transform
+from sum_drake.grasp_ranking import CAUSES, RankedGrasps, hand_clearances, lowest_point, rank_grasps
+from sum_drake.grasping import grasp_candidates, half_turn
+from sum_drake.objects import ObjectModel
+from sum_drake.robot import HAND
+from sum_drake.types import Array, PoseBelief
+
+TABLE = 0.7
+NOTHING = np.zeros((0, 3))
+
+
+@pytest.fixture(scope="module")
+def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ObjectModel]:
+    folder = tmp_path_factory.mktemp("meshes")
+    return {
+        "carton": write_model(folder, "carton", trimesh.creation.box([0.04, 0.08, 0.12])),
+        "crate": write_model(folder, "crate", trimesh.creation.box([0.20, 0.25, 0.12])),
+        "ball": write_model(folder, "ball", trimesh.creation.icosphere(3, 0.035)),
+        "slab": write_model(folder, "slab", trimesh.creation.box([0.06, 0.10, 0.02])),
+        "bar": write_model(folder, "bar", trimesh.creation.box([0.04, 0.40, 0.04]), mass=1.0),
+    }
+
+
+def _rank(model: ObjectModel, X_WO: Array, points_W: Array = NOTHING, spread: float = 0.0) -> RankedGrasps:
+    X_WOs = np.tile(X_WO, (50, 1, 1))
+    X_WOs[:, :3, 3] += np.random.default_rng(0).normal(0, spread, (50, 3))
+    return rank_grasps(
+        grasp_candidates(model, config=CONFIG, seed=0),
+        model=model,
+        X_WO=X_WO,
+        belief=PoseBelief(X_WOs, np.full(50, 0.02)),
+        points_W=points_W,
+        table_height=TABLE,
+        config=CONFIG,
+    )
+
+
+def _standing(model: ObjectModel) -> Array:
+    return transform(np.eye(3), np.array([0.6, 0.0, TABLE + model.dimensions[2] / 2]))
+
+
+def test_without_candidates_nothing_is_ranked(models: dict[str, ObjectModel]) -> None:
+    ranked = _rank(models["crate"], _standing(models["crate"]))
+    assert ranked.grasps == () and ranked.X_WGs.shape == (0, 4, 4)
+    assert ranked.rejected_by == tuple((cause, 0) for cause in CAUSES)
+
+
+def test_ranked_hands_clear_the_table_and_come_from_above_first(models: dict[str, ObjectModel]) -> None:
+    for name in ("carton", "ball", "slab"):
+        ranked = _rank(models[name], _standing(models[name]), spread=0.002)
+        assert len(ranked.grasps) > 5
+        assert lowest_point(ranked.X_WGs, ranked.gaps).min() > TABLE + CONFIG.table_clearance - 1e-9
+        assert ranked.X_WGs[0, 2, 0] < -0.8
+        assert np.all(np.diff(ranked.scores) <= 0)
+        X_OGs, _ = columns(ranked.grasps)
+        assert np.allclose(_standing(models[name]) @ X_OGs, ranked.X_WGs)
+
+
+def test_flat_things_are_grasped_with_the_hand_drawn_back(models: dict[str, ObjectModel]) -> None:
+    best = _rank(models["slab"], _standing(models["slab"]))
+    # 20 mm high: no hand reaches 31 mm below its middle, so none of these was deeper than the table allows.
+    assert len(best.grasps) > 5
+    assert np.all(best.X_WGs[:, 2, 3] > TABLE + 0.02)
+    assert best.grasps[0].width == pytest.approx(0.06, abs=0.001)
+
+
+def test_heavy_things_are_held_near_their_middle(models: dict[str, ObjectModel]) -> None:
+    best = _rank(models["bar"], _standing(models["bar"]))
+    assert abs(best.grasps[0].X_OG[1, 3]) < 0.05
+    assert max(abs(grasp.X_OG[1, 3]) for grasp in best.grasps) > abs(best.grasps[0].X_OG[1, 3]) + 0.05
+
+
+def test_neighbours_and_doubt_cost_grasps_and_say_so(models: dict[str, ObjectModel]) -> None:
+    carton = models["carton"]
+    X_WO = _standing(carton)
+    free = _rank(carton, X_WO)
+    # A wall of neighbours 5 mm beside one of the faces: no finger fits between.
+    y, z = np.meshgrid(np.linspace(-0.1, 0.1, 60), np.linspace(TABLE, TABLE + 0.12, 40))
+    wall = np.stack([np.full(y.size, 0.6 + 0.02 + 0.005), y.ravel(), z.ravel()], 1)
+    beside = _rank(carton, X_WO, wall)
+    assert dict(beside.rejected_by)["neighbour_finger"] > 0
+    assert all(g.width == pytest.approx(0.08, abs=0.002) for g in beside.grasps)
+    assert (
+        hand_clearances(beside.X_WGs, beside.gaps, wall, approach=CONFIG.approach).min() >= CONFIG.neighbour_clearance
+    )
+    assert len(beside.grasps) < len(free.grasps)
+
+    doubtful = _rank(carton, X_WO, spread=0.05)
+    assert dict(doubtful.rejected_by)["belief_too_wide"] > 0
+    assert doubtful.scores[:1].sum() < free.scores[0]
+    candidates = grasp_candidates(carton, config=CONFIG, seed=0)
+    assert sum(count for _, count in beside.rejected_by) + len(beside.grasps) <= len(candidates)
+
+
+vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
+
+
+@settings(max_examples=50, deadline=None)
+@given(vectors, vectors, st.floats(0.01, 0.1), st.integers(0, 1000))
+def test_clearances_move_with_the_hand(w: Array, p: Array, gap: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    X_WG = transform(rotation_from_vector(3 * w), p)
+    p_GQs = rng.uniform(-0.2, 0.2, (30, 3))
+    at_origin = hand_clearances(np.eye(4)[None], np.array([gap]), p_GQs, approach=0.1)
+    moved = hand_clearances(X_WG[None], np.array([gap]), apply(X_WG, p_GQs), approach=0.1)
+    assert np.allclose(at_origin, moved, atol=1e-9)
+    # The half-turn exchanges the fingers; the hand fills the same space.
+    turned = hand_clearances(half_turn(X_WG)[None], np.array([gap]), apply(X_WG, p_GQs), approach=0.1)
+    assert np.allclose(moved, turned, atol=1e-9)
+    assert np.allclose(half_turn(half_turn(X_WG)), X_WG)
+
+
+@settings(max_examples=50, deadline=None)
+@given(vectors, vectors, st.floats(0.01, 0.1))
+def test_the_lowest_point_is_a_corner_of_the_hand(w: Array, p: Array, gap: float) -> None:
+    X_WG = transform(rotation_from_vector(3 * w), p)
+    side = gap / 2 + HAND.pad_thickness
+    corners = [
+        [x, sy * y, sz * z]
+        for xs, y, z in ((HAND.pad_x, side, HAND.pad_half_width), (HAND.palm_x, *HAND.palm_half))
+        for x in xs
+        for sy in (-1, 1)
+        for sz in (-1, 1)
+    ]
+    lowest = apply(X_WG, np.array(corners))[:, 2].min()
+    assert lowest_point(X_WG[None], np.array([gap]))[0] == pytest.approx(lowest, abs=1e-12)
+
+
+def test_clearances_of_points_at_known_places() -> None:
+    X = np.eye(4)[None]
+    gap = np.array([0.06])
+    places = {
+        "between the fingers": ([0.0, 0.0, 0.0], (True, False, False)),
+        "in a finger": ([0.0, 0.035, 0.0], (True, False, False)),
+        "ahead of the tips": ([0.04, 0.0, 0.0], (False, False, False)),
+        "in the palm": ([-0.08, 0.0, 0.0], (False, True, False)),
+        "behind the palm": ([-0.2, 0.0, 0.0], (False, False, True)),
+        "behind the approach": ([-0.3, 0.0, 0.0], (False, False, False)),
+    }
+    for place, (point, expected) in places.items():
+        clearance = hand_clearances(X, gap, np.array([point]), approach=0.1)
+        assert tuple(clearance[0] < 0.002) == expected, place
+    assert np.all(np.isinf(hand_clearances(X, gap, NOTHING, approach=0.1)))
