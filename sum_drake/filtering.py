@@ -27,6 +27,7 @@ from sum_drake.likelihood import (
     register,
 )
 from sum_drake.rendering import Atlas, DepthRenderer, Surface, mesh_arrays, see_surface, view_rotations
+from sum_drake.resampling import systematic
 from sum_drake.types import Array, Box, Camera, Frame, Immutable, PickPlace, PoseBelief, readonly
 
 if TYPE_CHECKING:
@@ -37,14 +38,21 @@ FILTERS = ("default", "paper")
 """Names of the presets."""
 
 
+_CHOICES = {"render": ("views", "each"), "start": ("surface", "uniform"), "score": ("difference", "inliers")}
+
+
 @dataclasses.dataclass
 class FilterConfig:
-    """Settings of the pose filter. The defaults are the preset "default"; `filter_config` makes the presets."""
+    """Settings of the pose filter, metres and radians. The defaults are the preset "default", see `filter_config`."""
 
-    name: str = "default"
-    """"default", or "paper": the filter as published. Lengths are in metres, angles in radians."""
     render: str = "views"
     """"views": look up what a pose shows among renders from many directions; "each": render every particle anew."""
+    start: str = "surface"
+    """"surface": particles begin with a point of theirs on one that was observed in the box, turned evenly all ways;
+    "uniform": anywhere on the rays of the box within the observed depths, turned at random."""
+    score: str = "difference"
+    """What particles are weighted by. "difference": (I - F) / N, inliers less points in observed free space; the
+    estimate then gets `likelihood.confidence`. "inliers": I / N, eq. 8, for both."""
     particles: int = 2500
     """At the start."""
     particles_last: int = 250
@@ -106,8 +114,9 @@ def filter_config(name: str = "default") -> FilterConfig:
         return FilterConfig()
     if name == "paper":
         return FilterConfig(
-            name="paper",
             render="each",
+            start="uniform",
+            score="inliers",
             particles=625,
             particles_last=625,
             iterations=25,
@@ -224,8 +233,10 @@ class PoseEstimator:
     """
 
     def __init__(self, catalogue: "Catalogue", config: FilterConfig) -> None:
-        if config.render not in ("views", "each"):
-            raise InputError(f"filter.render: {config.render!r} is unknown; expected 'views' or 'each'")
+        for field, known in _CHOICES.items():
+            if getattr(config, field) not in known:
+                expected = " or ".join(map(repr, known))
+                raise InputError(f"filter.{field}: {getattr(config, field)!r} is unknown; expected {expected}")
         if config.render == "each" and (config.warmup > 0 or config.registered > 0 or config.candidates > 0):
             raise InputError("filter: registration needs the normals that render: views has; render: each has none")
         self._catalogue = catalogue
@@ -260,7 +271,7 @@ class PoseEstimator:
         refined in a few iterations, among them a share of fresh particles, so that a prior which the box contradicts
         is given up. A box without a valid observation gives likelihood 0 and the prior, or a wide belief.
 
-        Raises KeyError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
+        Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
         model = self._model(label)
         observation = observe(frame, box)
@@ -283,7 +294,7 @@ class PoseEstimator:
         v, u = torch.nonzero(observation.in_box, as_tuple=True)
         z = observation.depth[v, u]
         camera = observation.camera
-        if self._config.name == "paper":
+        if self._config.start == "uniform":
             R_COs = torch.from_numpy(rotation_from_quaternion(rng.normal(size=(n, 4)))).float()
             pixel = torch.from_numpy(rng.integers(len(u), size=n))
             near, far = np.quantile(z[z > 0].numpy(), [0.05, 0.95])
@@ -359,7 +370,7 @@ class PoseEstimator:
         return turned
 
     def _score(self, observation: Observation, shown: _Shown, epsilon: float) -> Tensor:
-        if self._config.name == "paper":
+        if self._config.score == "inliers":
             return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n)
         return likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=True), observation.n)
 
@@ -397,7 +408,7 @@ class PoseEstimator:
             best = modes[:1]
             runner_up = float(exact[1]) if len(exact) > 1 else 0.0
             particles, weights = self._posterior(observation, model, modes, exact, rng)
-        value = paper_likelihood(counts, observation.n) if config.name == "paper" else confidence(counts, observation.n)
+        value = (paper_likelihood if config.score == "inliers" else confidence)(counts, observation.n)
         X_WOs = _to_world(particles, frame, model)
         X_WO = _to_world(best, frame, model)[0]
         p = weights.double().numpy()
@@ -449,7 +460,7 @@ class PoseEstimator:
         n = config.particles_last
         sigma_p, sigma_R = 3 * config.noise_translation, 2 * config.noise_rotation
         shares = torch.softmax(config.sharpness * (exact - exact.max()), 0) * 0.8 + 0.2 / len(exact)
-        chosen = torch.from_numpy(_ancestors(shares.double().numpy(), n, rng))
+        chosen = torch.from_numpy(systematic(shares.double().numpy(), n, rng.random()))
         noise_p = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_p
         noise_R = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_R
         # The mode itself stays among the particles.
@@ -468,25 +479,24 @@ def predict(
     action: PickPlace | None,
     *,
     is_target: bool,
-    X_WO_place: Array | None = None,
     rng: np.random.Generator,
     config: FilterConfig,
 ) -> PoseBelief:
     """The belief after an action, before the next observation (Sui et al. 2017, eq. 10).
 
-    The action's target is at X_WO_place (4, 4; None: the action's) with sigma_place, with probability w_place, or else
-    still where it was, with sigma_stay; the latter for certain when the hand was not opened at the place. Any other
-    object is where it was, with sigma_other. None, or an action of kind "none": nothing was touched, and the belief is
+    The action's target is at the action's X_WO_place with sigma_place, with probability w_place, or else still where
+    it was, with sigma_stay; the latter for certain when the hand was not opened at the place. Any other object is where
+    it was, with sigma_other. None, or an action of kind "none": nothing was touched, and the belief is
     returned as it is. Noise is on positions, and on rotation vectors by radians_per_metre.
     """
     if action is None or action.kind == "none":
         return belief
     n = len(belief.weights)
-    X_WOs = belief.X_WOs[_ancestors(belief.weights, n, rng)]
+    X_WOs = belief.X_WOs[systematic(belief.weights, n, rng.random())]
     sigma = np.full(n, config.sigma_other)
     if is_target:
         placed = rng.random(n) < (config.w_place if action.released else 0.0)
-        X_WOs[placed] = action.X_WO_place if X_WO_place is None else X_WO_place
+        X_WOs[placed] = action.X_WO_place
         sigma = np.where(placed, config.sigma_place, config.sigma_stay)
     X_WOs[:, :3, 3] += sigma[:, None] * rng.normal(size=(n, 3))
     turn = config.radians_per_metre * sigma[:, None] * rng.normal(size=(n, 3))
@@ -575,16 +585,9 @@ def _weights(scores: Tensor, effective_share: float) -> Tensor:
     return torch.softmax(low * logs, 0)
 
 
-def _ancestors(weights: Array, n: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Indices (n,) drawn by systematic resampling."""
-    total = np.cumsum(weights)
-    marks = (np.arange(n) + rng.random()) / n * total[-1]
-    return np.asarray(np.minimum(np.searchsorted(total, marks, side="right"), len(total) - 1))
-
-
 def _resampled(particles: _Particles, weights: Array, n: int, rng: np.random.Generator) -> _Particles:
     # In random order, so that any part of them is as good as another.
-    return particles[torch.from_numpy(rng.permutation(_ancestors(weights, n, rng)))]
+    return particles[torch.from_numpy(rng.permutation(systematic(weights, n, rng.random())))]
 
 
 def _modes(particles: _Particles, scores: Tensor, limit: int) -> _Particles:

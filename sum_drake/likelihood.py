@@ -32,13 +32,8 @@ class Observation(Immutable):
     n: int
     """N: observed points in the box."""
 
-    @property
-    def device(self) -> torch.device:
-        """Where the tensors are; poses and points must be there too."""
-        return self.depth.device
 
-
-def observe(frame: Frame, box: Box, *, margin: float = 1.0, jump: float = 0.02, device: str = "cpu") -> Observation:
+def observe(frame: Frame, box: Box, *, margin: float = 1.0, jump: float = 0.02) -> Observation:
     """The crop of a frame that reaches `margin` times the box's size beyond its sides.
 
     `jump` is the difference in depth, metres, that makes an edge. A box that covers no pixel gives N = 0.
@@ -58,9 +53,9 @@ def observe(frame: Frame, box: Box, *, margin: float = 1.0, jump: float = 0.02, 
     )
     return Observation(
         camera,
-        torch.from_numpy(depth).to(device),
-        torch.from_numpy(in_box).to(device),
-        torch.from_numpy(_edges(depth, jump)).to(device),
+        torch.from_numpy(depth),
+        torch.from_numpy(in_box),
+        torch.from_numpy(_edges(depth, jump)),
         int((in_box & (depth > 0)).sum()),
     )
 

@@ -56,6 +56,12 @@ class ObjectModel(Immutable):
         return [_load_mesh(path) for path in self.collision]
 
 
+class UnknownLabel(InputError, KeyError):
+    """A label that the catalogue lacks: bad input from a user, a missing key to whoever takes it for a mapping."""
+
+    __str__ = Exception.__str__  # KeyError's quotes the message.
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Catalogue(Immutable, Mapping[str, ObjectModel]):
     """Object models by label, in the file's order."""
@@ -69,7 +75,7 @@ class Catalogue(Immutable, Mapping[str, ObjectModel]):
 
     def __getitem__(self, label: str) -> ObjectModel:
         if label not in self._by_label:
-            raise InputError(f"label '{label}' is not in {self.path}: expected one of {', '.join(self.labels)}")
+            raise UnknownLabel(f"label '{label}' is not in {self.path}: expected one of {', '.join(self.labels)}")
         return self._by_label[label]
 
     def __contains__(self, label: object) -> bool:
@@ -101,9 +107,7 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
     try:
         mesh = trimesh.load(path, force="mesh", skip_materials=True)
     except Exception as error:
-        raise InputError(
-            f"mesh {path} cannot be read: {one_line(error)}"
-        ) from error
+        raise InputError(f"mesh {path} cannot be read: {one_line(error)}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {path} has no faces: expected a triangle mesh")
     if not np.isfinite(mesh.vertices).all():

@@ -32,6 +32,7 @@ from scipy.spatial.transform import Rotation
 
 from sum_drake.assets import InputError
 from sum_drake.jsonio import decode, encode
+from sum_drake.resampling import systematic
 from sum_drake.types import Array, Attempt, Frame, Perception, PoseBelief, SceneBelief, Track, readonly
 
 SCHEMA = "sum-drake/log/1"
@@ -39,11 +40,10 @@ CAMERA = "head_camera"
 
 
 def thin(belief: PoseBelief, count: int) -> PoseBelief:
-    """At most `count` particles that stand for the belief: systematic resampling at fixed offsets, so no draw."""
+    """At most `count` particles that stand for the belief: its quantiles, so no draw."""
     if len(belief.weights) <= count:
         return belief
-    chosen = np.searchsorted(np.cumsum(belief.weights), (np.arange(count) + 0.5) / count * belief.weights.sum())
-    chosen = np.minimum(chosen, len(belief.weights) - 1)
+    chosen = systematic(belief.weights, count, 0.5)
     return PoseBelief(readonly(belief.X_WOs[chosen]), readonly(np.full(count, 1.0 / count)))
 
 

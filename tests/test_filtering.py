@@ -184,8 +184,9 @@ def test_paper_preset_runs_and_improves_on_its_start(frame_and_truth) -> None:
 def test_unknown_preset_and_settings_are_refused() -> None:
     with pytest.raises(InputError, match="fastest"):
         filter_config("fastest")
-    with pytest.raises(InputError, match="render"):
-        PoseEstimator(load_catalogue(), FilterConfig(render="never"))
+    for field in ("render", "start", "score"):
+        with pytest.raises(InputError, match=rf"filter\.{field}: 'never' is unknown; expected '\w+' or '\w+'"):
+            PoseEstimator(load_catalogue(), FilterConfig(**{field: "never"}))
     with pytest.raises(InputError, match="normals"):
         PoseEstimator(load_catalogue(), FilterConfig(render="each"))
 

@@ -293,6 +293,7 @@ def test_bad_catalogues_name_what_is_wrong_in_one_line(tmp_path: Path, text: str
 def test_unknown_label_and_missing_file(catalogue: Catalogue, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"'soap'.*tide"):
         catalogue["soap"]
+    assert catalogue.get("soap") is None  # as of any mapping
     with pytest.raises(InputError, match="missing"):
         load_catalogue(tmp_path / "none.yaml")
 
