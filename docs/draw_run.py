@@ -23,11 +23,11 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
+from sum_drake.drawing import draw_perception
 from sum_drake.geometry import inverse
 from sum_drake.kinematics import Arm
 from sum_drake.objects import load_catalogue
 from sum_drake.parsing import make_parser
-from sum_drake.report import draw_perception
 from sum_drake.robot import ARM_JOINTS
 from sum_drake.runlog import RunRecord, read_run_log
 

@@ -8,7 +8,7 @@ Definitions, and where they come from (Sui et al. 2017, section VI):
   mesh, when the estimate lies within 5 cm of it. Every other track is a false positive, and rejected when the belief
   does not accept it. The paper's "ratio of rejected detection false positives" is then
   false_positives_rejected / false_positives.
-- A *trial* is an attempt in which something was moved. A *manipulation error* is a trial that ends neither sorted nor
+- A *trial* is an attempt for which the arm set out. A *manipulation error* is a trial that ends neither sorted nor
   missorted for a wrong label, or that knocks another object off the table.
 - The *completion ratio* is the share of the objects with a place to go that rest there at the end.
 - Translation error is the distance between the origins; rotation error the smallest angle over the symmetry group.
@@ -16,24 +16,20 @@ Definitions, and where they come from (Sui et al. 2017, section VI):
 
 import dataclasses
 import hashlib
-import math
-import types
-import typing
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sum_drake.assets import InputError
 from sum_drake.geometry import box_iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.rendering import predicted_box
-from sum_drake.types import LEAVE, Array, Attempt, Box, Frame, Immutable, Perception, Region, Track
+from sum_drake.summary_schema import SCHEMA, TIMING
+from sum_drake.types import LEAVE, Array, Attempt, Frame, Immutable, Perception, Region, Track
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
-SCHEMA = "sum-drake/run/1"
 TRUE_IOU = 0.5
 """Least overlap of a true positive, as in the paper."""
 TRUE_DISTANCE = 0.05
@@ -42,18 +38,6 @@ MOVED = 0.01
 """An object that moved less than this was not touched to any effect, metres."""
 HEAP = 0.10
 """Objects lie up to this much above the rim of a full bin, metres."""
-
-OUTCOMES = {
-    "sorted": "the object taken rests in the region it belongs in",
-    "missorted": "the object taken rests in another region",
-    "dropped": "it left the hand on the way: it lies on the table or the floor although the hand was opened over the "
-    "region, or it fell off the table",
-    "slipped": "it was moved but the hand was empty after the lift",
-    "missed": "it was not moved and the hand was empty after the lift",
-    "aborted": "the robot broke the motion off for another reason",
-    "infeasible": "nothing was moved: no grasp or path was found, or the robot did not try",
-}
-"""How an attempt ended, by the truth."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,8 +49,6 @@ class Truth(Immutable):
     """Label and pose (4, 4) of each object."""
     visible_shares: tuple[tuple[str, float | None], ...] = ()
     """Label and visible part of the object's picture in [0, 1]; None where unknown."""
-    boxes: tuple[tuple[str, Box], ...] = ()
-    """Label and box of the visible part; boxes are projected from the meshes for labels not named here."""
 
 
 def where_is(X_WO: Array, regions: Mapping[str, Region]) -> str:
@@ -100,7 +82,7 @@ def score_observation(perception: Perception, truth: Truth, catalogue: "Catalogu
             translation, rotation = float(errors[0]), float(errors[1])
         seen = track.seen == truth.observation
         if seen:
-            is_true = X_WO is not None and _is_true(track, X_WO, perception.frame, truth, catalogue)
+            is_true = X_WO is not None and _is_true(track, X_WO, perception.frame, catalogue)
             verdicts.append((is_true, track.accepted))
         poses.append(
             {
@@ -132,12 +114,10 @@ def _nearest(track: Track, truth: Truth) -> Array | None:
     return min(candidates, key=lambda X: float(np.linalg.norm(X[:3, 3] - track.X_WO[:3, 3])), default=None)
 
 
-def _is_true(track: Track, X_WO: Array, frame: Frame, truth: Truth, catalogue: "Catalogue") -> bool:
+def _is_true(track: Track, X_WO: Array, frame: Frame, catalogue: "Catalogue") -> bool:
     if np.linalg.norm(X_WO[:3, 3] - track.X_WO[:3, 3]) <= TRUE_DISTANCE:
         return True
-    box = dict(truth.boxes).get(track.label)
-    if box is None:
-        box = predicted_box(np.asarray(catalogue[track.label].load_mesh().vertices), X_WO, frame)
+    box = predicted_box(np.asarray(catalogue[track.label].load_mesh().vertices), X_WO, frame)
     return box_iou(track.box, box) >= TRUE_IOU
 
 
@@ -304,119 +284,3 @@ def digest(perceptions: Sequence[Perception], attempts: Sequence[Attempt], final
     beliefs = [perception.posterior for perception in perceptions]
     text = canonical({"beliefs": beliefs, "attempts": list(attempts), "final_poses": final.X_WOs})
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-# What summary.json must hold: a type, a union of types, [rows of a kind], {fields} or {str: type}.
-_POSE = {
-    "track": int,
-    "label": str,
-    "seen": bool,
-    "accepted": bool,
-    "probability": float,
-    "translation_error_m": float | None,
-    "rotation_error_rad": float | None,
-    "visible_share": float | None,
-}
-_OBSERVATION = {
-    "step": int,
-    "detections": int,
-    "tracks": int,
-    "false_positives": int | None,
-    "false_positives_rejected": int | None,
-    "true_tracks": int | None,
-    "true_tracks_accepted": int | None,
-    "poses": [_POSE],
-}
-_ATTEMPT = {
-    "step": int,
-    "track": int,
-    "label": str,
-    "object": str | None,
-    "region": str,
-    "kind": str,
-    "outcome": str,
-    "reason": str,
-    "knocked_off": [str],
-    "grasp_candidates": int,
-    "rejected_by": {str: int},
-    "slip_m": float | None,
-}
-TIMING = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "wall_s", "sim_time_s")
-_SUMMARY = {
-    "schema": str,
-    "seed": int,
-    "outcome": str,
-    "objects_total": int,
-    "objects_sorted": int,
-    "objects_missorted": int,
-    "missorted_by": {"perception": int, "manipulation": int},
-    "completion_ratio": float,
-    "objects": [{"label": str, "goal": str, "place": str, "p_W": [float]}],
-    "manipulation_trials": int,
-    "manipulation_errors": int,
-    "observations": [_OBSERVATION],
-    "attempts": [_ATTEMPT],
-    "timing": dict.fromkeys(TIMING, float | None),
-    "digest": str,
-    "versions": {str: str},
-    "device": str,
-}
-
-
-def validate_summary(data: Any) -> None:
-    """Raises InputError, naming the field, for data that is not a summary.json of schema "sum-drake/run/1".
-
-    Fields that are not known are let through: a later version may add some.
-    """
-    _check(data, _SUMMARY, "summary")
-    if data["schema"] != SCHEMA:
-        raise InputError(f"summary.schema: {data['schema']!r}; expected {SCHEMA!r}")
-    if data["outcome"] != "cleared" and not data["outcome"].startswith("stopped: "):
-        raise InputError(f"summary.outcome: {data['outcome']!r}; expected 'cleared' or 'stopped: <reason>'")
-    for i, row in enumerate(data["attempts"]):
-        if row["outcome"] not in OUTCOMES:
-            raise InputError(
-                f"summary.attempts[{i}].outcome: {row['outcome']!r}; expected one of {', '.join(OUTCOMES)}"
-            )
-    missorted = sum(data["missorted_by"].values())
-    if missorted != data["objects_missorted"]:
-        raise InputError(
-            f"summary.missorted_by: sums to {missorted}; expected objects_missorted, {data['objects_missorted']}"
-        )
-    if data["objects_sorted"] > data["objects_total"]:
-        raise InputError(
-            f"summary.objects_sorted: {data['objects_sorted']}; expected at most {data['objects_total']} in all"
-        )
-
-
-def _check(value: Any, kind: Any, where: str) -> None:
-    if isinstance(kind, list):
-        if not isinstance(value, list):
-            raise InputError(f"{where}: {type(value).__name__}; expected a list")
-        for i, item in enumerate(value):
-            _check(item, kind[0], f"{where}[{i}]")
-    elif isinstance(kind, dict):
-        if not isinstance(value, dict):
-            raise InputError(f"{where}: {type(value).__name__}; expected an object")
-        for name, item in kind.items():
-            if name is str:
-                for key, entry in value.items():
-                    _check(entry, item, f"{where}.{key}")
-            elif name not in value:
-                raise InputError(f"{where}.{name}: missing; expected {_name(item)}")
-            else:
-                _check(value[name], item, f"{where}.{name}")
-    elif isinstance(kind, types.UnionType):
-        if value is not None:
-            _check(value, typing.get_args(kind)[0], where)
-    elif kind is float:
-        if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
-            raise InputError(f"{where}: {value!r}; expected a finite number")
-    elif not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise InputError(f"{where}: {value!r}; expected {_name(kind)}")
-
-
-def _name(kind: Any) -> str:
-    if isinstance(kind, list | dict):
-        return "a list" if isinstance(kind, list) else "an object"
-    return str(getattr(kind, "__name__", kind))

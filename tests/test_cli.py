@@ -6,8 +6,8 @@ import pytest
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import RUN_FILES, main
-from sum_drake.evaluation import validate_summary
 from sum_drake.runlog import read_run_log
+from sum_drake.summary_schema import validate_summary
 
 ONE_EASY_OBJECT = (
     "{objects: {labels: [soup_can]},"

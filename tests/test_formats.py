@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sum_drake import evaluation, grasp_ranking, picking, runlog
+from sum_drake import grasp_ranking, picking, runlog, summary_schema
 from sum_drake.geometry import SYMMETRIES
 from sum_drake.systems import run_log
 
@@ -27,7 +27,7 @@ def names(kind: Any) -> list[str]:
 
 @pytest.mark.parametrize(
     "listed",
-    [evaluation.OUTCOMES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES, names(evaluation._SUMMARY)],
+    [summary_schema.OUTCOMES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES, names(summary_schema._SUMMARY)],
     ids=["outcomes", "reasons", "causes", "symmetries", "summary"],
 )
 def test_everything_is_listed(listed: Any) -> None:
@@ -38,7 +38,7 @@ def test_topics_and_schemas_are_listed() -> None:
     assert runlog.__doc__ is not None
     topics = re.findall(r"^ +(/\S+)", runlog.__doc__, re.MULTILINE)
     assert len(topics) == 11 and set(topics) <= WORDS
-    assert {evaluation.SCHEMA, runlog.SCHEMA} <= WORDS
+    assert {summary_schema.SCHEMA, runlog.SCHEMA} <= WORDS
 
 
 def test_events_are_listed() -> None:

@@ -5,35 +5,18 @@ import html.parser
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from test_drawing import make_perception
 from test_runlog import make_attempt
 
 from sum_drake.assets import InputError
 from sum_drake.evaluation import Truth, digest, score_attempts, score_observation, summary
-from sum_drake.geometry import rotation_from_vector, transform
 from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
-from sum_drake.rendering import predicted_box
-from sum_drake.report import draw_depth, draw_perception, label_color, write_report
+from sum_drake.report import write_report
 from sum_drake.runlog import RunLogWriter
-from sum_drake.types import (
-    Array,
-    Camera,
-    Detection,
-    Frame,
-    Perception,
-    PoseBelief,
-    Region,
-    SceneBelief,
-    Track,
-    readonly,
-)
+from sum_drake.types import Region, readonly
 
-CAMERA = Camera(320, 240, 262.0, 262.0, 159.5, 119.5)
-X_WC = readonly(transform(np.diag([1.0, -1.0, -1.0]), np.array([0.7, 0.0, 1.7])))
 REGIONS = {
     "table": Region("table", readonly([0.7, 0.0, 0.9]), readonly([0.25, 0.35, 0.2])),
     "left": Region("left", readonly([0.12, 0.62, 0.5]), readonly([0.18, 0.18, 0.1])),
@@ -43,38 +26,6 @@ REGIONS = {
 @pytest.fixture(scope="module")
 def catalogue() -> Catalogue:
     return load_catalogue()
-
-
-def make_track(id: int, label: str, X_WO: Array, frame: Frame, catalogue: Catalogue, *, accepted: bool) -> Track:
-    box = predicted_box(np.asarray(catalogue[label].load_mesh().vertices), X_WO, frame)
-    belief = PoseBelief(readonly(X_WO[None]), readonly([1.0]))
-    return Track(
-        id,
-        label,
-        box,
-        0.9,
-        0.8,
-        belief,
-        readonly(X_WO),
-        0.7,
-        0.93 if accepted else 0.07,
-        accepted,
-        0,
-        frame.observation,
-    )
-
-
-def make_perception(step: int, catalogue: Catalogue) -> Perception:
-    """A can that is believed in, a mug that is not, on a plain grey table."""
-    frame = Frame(
-        step, np.full((240, 320, 3), 128, np.uint8), np.full((240, 320), 1.0, np.float32), CAMERA, X_WC, 10.0 * step
-    )
-    tracks = (
-        make_track(0, "soup_can", transform(np.eye(3), np.array([0.7, 0.1, 0.75])), frame, catalogue, accepted=True),
-        make_track(1, "mug", transform(np.eye(3), np.array([0.7, -0.15, 0.75])), frame, catalogue, accepted=False),
-    )
-    detections = tuple(Detection(track.box, track.p_box, ((track.label, track.p_label),)) for track in tracks)
-    return Perception(step, frame, detections, (), SceneBelief(step - 1), SceneBelief(step, tracks, 2), None)
 
 
 @pytest.fixture
@@ -183,62 +134,6 @@ def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing to report; expected a run folder"):
         write_report(tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_overlay_lies_on_the_object(catalogue: Catalogue) -> None:
-    """The accepted can's picture is tinted within its box and untouched elsewhere; the mug is only outlined."""
-    perception = make_perception(0, catalogue)
-    can, mug = perception.posterior.tracks
-    picture = draw_perception(perception, catalogue, scale=2)
-    assert picture.shape == (480, 640, 3) and picture.dtype == np.uint8
-    changed = (picture != 128).any(-1)
-    x, y, w, h = (round(2 * value) for value in can.box)
-    assert changed[y + 2 : y + h - 2, x + 2 : x + w - 2].mean() > 0.75
-    x, y, w, h = (round(2 * value) for value in mug.box)
-    assert 0.02 < changed[y : y + h, x : x + w].mean() < 0.6
-    assert not changed[:, : min(round(2 * t.box[0]) for t in (can, mug)) - 60].any()
-    assert (picture[changed] == label_color("soup_can", catalogue)).all(-1).any()
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    st.lists(st.floats(-3, 3), min_size=3, max_size=3),
-    st.lists(st.floats(-2, 2), min_size=3, max_size=3),
-    st.booleans(),
-)
-def test_any_estimate_can_be_drawn(w: list[float], p: list[float], accepted: bool) -> None:
-    """Beside the picture, behind the camera, through it: never an exception, never another size."""
-    catalogue = load_catalogue()
-    perception = make_perception(0, catalogue)
-    track = dataclasses.replace(
-        perception.posterior.tracks[0],
-        X_WO=transform(rotation_from_vector(np.array(w)), np.array(p)),
-        accepted=accepted,
-    )
-    belief = dataclasses.replace(perception.posterior, tracks=(track,) * 3)
-    picture = draw_perception(dataclasses.replace(perception, posterior=belief), catalogue, scale=1)
-    assert picture.shape == (240, 320, 3)
-
-
-def test_a_label_that_the_catalogue_lacks(catalogue: Catalogue) -> None:
-    perception = make_perception(0, catalogue)
-    track = dataclasses.replace(perception.posterior.tracks[0], label="stapler")
-    belief = dataclasses.replace(perception.posterior, tracks=(track,))
-    assert draw_perception(dataclasses.replace(perception, posterior=belief), catalogue).shape == (480, 640, 3)
-
-
-def test_colors_differ(catalogue: Catalogue) -> None:
-    colors = [label_color(label, catalogue) for label in catalogue]
-    assert len(set(colors)) == len(colors)
-
-
-def test_depth_picture() -> None:
-    depth = np.full((4, 6), 1.0, np.float32)
-    depth[0] = 0.0
-    depth[1] = 0.8
-    picture = draw_depth(depth)
-    assert (picture[0] == 0).all() and picture[1].sum() > picture[2].sum() > 0
-    assert (draw_depth(np.zeros((4, 6), np.float32)) == 0).all()
 
 
 def test_the_page_prints_and_fits_a_phone(run_folder: Path) -> None:

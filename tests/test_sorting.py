@@ -11,8 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPortIndex, LeafSystem, OutputPortIndex, System
 from scenes import standing
 
-from sum_drake.evaluation import validate_summary
 from sum_drake.objects import load_catalogue
+from sum_drake.summary_schema import validate_summary
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.scenario import load_scenario
 from sum_drake.systems.sorting import make_sorting, pour_scene, run
