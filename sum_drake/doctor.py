@@ -9,6 +9,8 @@ import time
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from sum_drake.assets import one_line
+
 PACKAGES = (
     "sum-drake", "drake", "numpy", "scipy", "torch", "opencv-python-headless", "trimesh", "ompl", "ruckig", "pyyaml",
     "foxglove-sdk", "mcap",
@@ -107,7 +109,7 @@ def _torch() -> Check:
     try:
         import torch
     except ImportError as error:
-        return Check("torch device", "bad", str(error))
+        return Check("torch device", "bad", one_line(error))
     if torch.cuda.is_available():
         return Check("torch device", "ok", f"cuda, {torch.cuda.get_device_name()}")
     return Check("torch device", "ok", f"cpu, {torch.get_num_threads()} threads")
@@ -117,7 +119,7 @@ def _solvers() -> list[Check]:
     try:
         from pydrake.solvers import IpoptSolver, SnoptSolver
     except ImportError as error:
-        return [Check("solvers", "bad", str(error))]
+        return [Check("solvers", "bad", one_line(error))]
     return [
         Check(name, "ok" if solver.available() and solver.enabled() else "warning", words)
         for name, solver, words in (
@@ -147,7 +149,7 @@ def _depth_render() -> Check:
         from pydrake.math import RigidTransform
         from pydrake.systems.sensors import CameraInfo
     except ImportError as error:
-        return Check("depth render", "bad", str(error))
+        return Check("depth render", "bad", one_line(error))
     scene_graph = SceneGraph()
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(RenderEngineVtkParams()))
     ball = GeometryInstance(RigidTransform([0.0, 0.0, 1.0]), Sphere(0.2), "ball")

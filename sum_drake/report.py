@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from sum_drake.assets import InputError
+from sum_drake.assets import InputError, one_line
 from sum_drake.drawing import Image, draw_depth, draw_perception, label_color, verdict
 from sum_drake.files import write_whole
 from sum_drake.jsonio import encode
@@ -81,7 +81,7 @@ def _read_run(folder: Path) -> _Run:
     except FileNotFoundError:
         problems.append("There is no summary.json: the run did not finish, so nothing is known of the truth.")
     except (OSError, ValueError) as error:
-        problems.append(f"summary.json cannot be used: {error}")
+        problems.append(f"summary.json cannot be used: {one_line(error)}")
     try:
         record = read_what_there_is(folder / "run.mcap")
         if record.problem is not None:

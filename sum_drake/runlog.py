@@ -30,7 +30,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sum_drake.assets import InputError
+from sum_drake.assets import InputError, one_line
 from sum_drake.jsonio import decode, encode
 from sum_drake.resampling import systematic
 from sum_drake.types import Array, Attempt, Frame, Perception, PoseBelief, SceneBelief, Track, readonly
@@ -83,7 +83,9 @@ class RunLogWriter:
         try:
             self._mcap = foxglove.open_mcap(str(path), allow_overwrite=True, context=context, writer_options=options)
         except (OSError, RuntimeError) as error:
-            raise InputError(f"cannot write the log {path}: {error}; expected a folder that can be written") from None
+            raise InputError(
+                f"cannot write the log {path}: {one_line(error)}; expected a folder that can be written"
+            ) from None
         self._mcap.write_metadata("sum-drake", {"schema": SCHEMA, **(metadata or {})})
 
         def json_channel(topic: str, title: str) -> foxglove.Channel:
@@ -369,7 +371,7 @@ def _records(stream: Any) -> Iterator[Any]:
     except InvalidMagic:
         raise _Damage("is no MCAP file") from None
     except (McapError, CRCValidationError, ValueError, struct.error, UnicodeDecodeError) as error:
-        raise _Damage(f"is damaged ({error})") from None
+        raise _Damage(f"is damaged ({one_line(error)})") from None
 
 
 class _Reading:
@@ -400,7 +402,7 @@ class _Reading:
             try:
                 self._take_message(topic, record.log_time * 1e-9, record.data)
             except (ValueError, TypeError, KeyError, IndexError, struct.error) as error:
-                raise _Damage(f"holds a message on {topic} that cannot be decoded ({error})") from None
+                raise _Damage(f"holds a message on {topic} that cannot be decoded ({one_line(error)})") from None
 
     def _take_message(self, topic: str, time: float, data: bytes) -> None:
         if topic == f"/{CAMERA}/color":

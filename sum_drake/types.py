@@ -265,7 +265,7 @@ class Attempt(Immutable):
     rejected_by: tuple[tuple[str, int], ...]
     """Grasp candidates dropped, counted by cause."""
     action: PickPlace | None
-    """None when nothing was moved."""
+    """None when the arm did not set out."""
     X_OG: Array | None = None
     """(4, 4): the grasp that was tried."""
 
