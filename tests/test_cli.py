@@ -105,27 +105,30 @@ def test_objects_list_and_check_name_all_fifteen(capsys):
         assert all(path.name in out for path in (MODELS / "objects").iterdir() if (path / f"{path.name}.obj").exists())
 
 
-def test_two_processes_with_one_seed_make_the_same_run(tmp_path):
+def sort(*arguments):
+    """A run in a process of its own; what it says on stderr."""
+    done = subprocess.run(
+        [sys.executable, "-m", "sum_drake.cli", "sort", *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+def test_a_run_and_its_resolved_scenario_in_another_process_are_the_same(tmp_path):
     """The main job from end to end: pours, perceives, picks, places, sees that the table is clear, and says so."""
-    command = [sys.executable, "-m", "sum_drake.cli", "sort", "--seed", "4", "--scenario-text", ONE_EASY_OBJECT]
-    dot = tmp_path / "diagram.dot"
-    runs = [
-        subprocess.Popen([*command, "--out", str(tmp_path / "one"), "--graphviz", str(dot)], stderr=subprocess.PIPE),
-        subprocess.Popen([*command, "--out", str(tmp_path / "two"), "--quiet"], stderr=subprocess.PIPE),
-    ]
-    errors = [run.communicate()[1].decode() for run in runs]
-    assert [run.returncode for run in runs] == [0, 0], errors
-    assert "observation 0" in errors[0]
-    assert errors[1] == "", "--quiet"
-    one, two = (json.loads((tmp_path / name / "summary.json").read_text()) for name in ("one", "two"))
+    out_1, out_2, dot = tmp_path / "one", tmp_path / "two", tmp_path / "diagram.dot"
+    told = sort("--seed", "4", "--scenario-text", ONE_EASY_OBJECT, "--out", str(out_1), "--graphviz", str(dot))
+    assert "observation 0" in told
+    assert sort("--scenario-file", str(out_1 / "scenario.yaml"), "--out", str(out_2), "--quiet") == "", "--quiet"
+    assert (out_1 / "scenario.yaml").read_text() == (out_2 / "scenario.yaml").read_text()
+    one, two = (json.loads((out / "summary.json").read_text()) for out in (out_1, out_2))
     validate_summary(one)
     assert one["digest"] == two["digest"]
+    assert one["seed"] == two["seed"] == 4
     assert one["outcome"] == "cleared"
     assert one["objects_sorted"] == 1
-    assert {path.name for path in (tmp_path / "one").iterdir()} == set(RUN_FILES)
-    log = read_run_log(tmp_path / "one" / "run.mcap")
+    assert {path.name for path in out_1.iterdir()} == set(RUN_FILES)
+    log = read_run_log(out_1 / "run.mcap")
     assert len(log.perceptions) == len(one["observations"])
-    assert "<html" in (tmp_path / "one" / "report.html").read_text()
+    assert "<html" in (out_1 / "report.html").read_text()
     assert "sorting_planner" in dot.read_text()
-    # The resolved scenario alone brings the run back.
-    assert "soup_can" in (tmp_path / "one" / "scenario.yaml").read_text()

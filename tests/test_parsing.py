@@ -6,7 +6,6 @@ import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
-from sum_drake.assets import one_line
 from sum_drake.parsing import add_packages, make_parser, parser_allowed
 from sum_drake.robot import FETCH_URDF, JOINTS
 

@@ -221,7 +221,7 @@ def test_an_object_explains_the_points_on_it_and_not_those_beside_it():
     model = CATALOGUE["mug"]
     X_WO = standing(CATALOGUE, "mug", 0.6, 0.1, yaw=1.0)
     p_O, n_O = sample_surface(model, 500, np.random.default_rng(1))
-    near, off = apply(X_WO, p_O + 0.008 * n_O), apply(X_WO, p_O) + [0.0, 0.3, 0.0]
+    near, off = apply(X_WO, p_O + 0.008 * n_O), apply(X_WO, p_O) + np.array([0.0, 0.3, 0.0])
     np.testing.assert_array_equal(_not_of(np.concatenate([near, off]), model, X_WO), off)
     assert _not_of(np.empty((0, 3)), model, X_WO).shape == (0, 3)
 
