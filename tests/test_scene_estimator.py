@@ -20,7 +20,7 @@ from sum_drake.types import Associations, Camera, Detection, Detections, Frame, 
 
 EYE = readonly(np.eye(4))
 ACTION = PickPlace(0, "pick_place", 0, "mug", EYE, EYE, "bin", 0.04, 0.04, True)
-FILTER = FilterConfig(particles=500, iterations=6)
+FILTER = FilterConfig(particles=200, iterations=4)
 ASSOCIATION = AssociationConfig()
 
 
