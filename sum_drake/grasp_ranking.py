@@ -8,7 +8,7 @@ import numpy as np
 from sum_drake.geometry import apply, inverse
 from sum_drake.grasping import Cloud, GraspConfig, Mask, contacts, opening, surface
 from sum_drake.objects import ObjectModel
-from sum_drake.robot import HAND
+from sum_drake.robot import FINGERS, HAND
 from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
 
 DEFAULT_MASS = 0.4
@@ -101,12 +101,14 @@ def rank_grasps(
 
     # The mean of the surface stands for the centre of mass, which no catalogue tells.
     arm_W = apply(X_WO, cloud.p_OQs.mean(0)[None])[0] - X_WGs[:, :3, 3]
-    # The weight's moment about the closing axis twists the object between the pads, which only friction resists; the
-    # pads' normal forces take the moment across it.
+    # The weight's moment about the closing axis twists the object between the pads, which only friction within them
+    # resists. Across that axis the friction of one pad works against the other's, the better the wider they are apart;
+    # half of it is left for that, as friction carries the weight, too.
+    weight = 9.81 * (DEFAULT_MASS if model.mass is None else model.mass)
     twist = np.abs(arm_W[:, 1] * X_WGs[:, 0, 1] - arm_W[:, 0] * X_WGs[:, 1, 1])
-    across = np.linalg.norm(arm_W[:, :2], axis=1)
-    moment = 9.81 * (DEFAULT_MASS if model.mass is None else model.mass) * (0.7 * twist + 0.3 * across)
-    balance = 1.0 / (1.0 + (moment / config.torque) ** 2)
+    across = np.sqrt(np.maximum((arm_W[:, :2] ** 2).sum(1) - twist**2, 0.0))
+    borne_across = 0.5 * config.friction * FINGERS[0].effort * np.maximum(widths, 1e-3)
+    balance = 1.0 / (1.0 + (weight * twist / config.torque) ** 2 + (weight * across / borne_across) ** 2)
     room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
     merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
     scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)

@@ -76,7 +76,7 @@ class GraspConfig:
     weight_room: float = 0.3
     """Weight of room to the neighbours."""
     torque: float = 0.3
-    """Moment of the object's weight, N m, at which a grasp counts half as much."""
+    """Moment of the object's weight about the closing axis, N m, at which a grasp counts half as much."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
