@@ -8,6 +8,7 @@ import numpy as np
 from sum_drake.geometry import apply, inverse
 from sum_drake.grasping import Cloud, GraspConfig, Mask, contacts, opening, surface
 from sum_drake.objects import ObjectModel
+from sum_drake.resampling import systematic
 from sum_drake.robot import FINGERS, HAND
 from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
 
@@ -203,10 +204,7 @@ def _contacts_of(cloud: Cloud, X_GOs: Array, gaps: Array, config: GraspConfig) -
 
 def _survival(cloud: Cloud, X_WO: Array, X_WGs: Array, gaps: Array, belief: PoseBelief, config: GraspConfig) -> Array:
     """(n,) share of the belief for which hands at X_WGs reach the object untouched and hold it once closed."""
-    # Systematic draw without a random offset: the belief's quantiles, the same every time.
-    quantiles = (np.arange(config.particles) + 0.5) / config.particles
-    total = np.cumsum(belief.weights)
-    X_WOs = belief.X_WOs[np.searchsorted(total, quantiles * total[-1]).clip(max=len(total) - 1)]
+    X_WOs = belief.X_WOs[systematic(belief.weights, config.particles, 0.5)]
     p_OQs, normals_O = cloud.p_OQs[:RANKING_POINTS], cloud.normals_O[:RANKING_POINTS]
     p_GQs_estimated = apply(inverse(X_WGs) @ X_WO, p_OQs)
     # Far from the hand nothing matters, whichever particle is true.
