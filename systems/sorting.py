@@ -77,7 +77,7 @@ class Episode:
 
     outcome: str
     """"cleared" or "stopped: <reason>"."""
-    error: Exception | None
+    error: BaseException | None
     """What ended the run, if it failed; the rest is what there was until then."""
     perceptions: tuple[Perception, ...]
     attempts: tuple[Attempt, ...]
@@ -301,12 +301,12 @@ def run(
     set_home(diagram.GetSubsystemByName("station"), root)
     watch = _Watch(diagram, len(X_WOs), progress)
     simulator.set_monitor(watch)
-    error = None
+    error: BaseException | None = None
     with costs.of("all"):
         try:
             simulator.Initialize()
             simulator.AdvanceTo(scenario.simulation_duration)
-        except Exception as failure:  # an episode says how it ended, whatever happened in it
+        except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
             error = failure
             watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
     planner = diagram.GetSubsystemByName("sorting_planner")
