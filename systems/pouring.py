@@ -65,6 +65,10 @@ class PouringConfig:
     """World x between which every object's origin must come to rest."""
     reach_y: list[float] = dataclasses.field(default_factory=lambda: [-0.34, 0.34])
     """The same along y; farther out an object leaves the camera's view."""
+    returns: int = 8
+    """How often what fell off the table, came to rest out of reach or is pressed into another is dropped again."""
+    return_height: float = 0.03
+    """Height of a returned object's lowest possible point over what is below it."""
     penetration_max: float = 0.002
     """Largest overlap of two bodies at rest."""
     attempts: int = 20
@@ -128,6 +132,7 @@ class _Pour:
         self._plant, self._scene_graph = AddMultibodyPlant(plant_config, builder)
         parser = make_parser(self._plant)
         ProcessModelDirectives(ModelDirectives(directives=_only(directives, config.support)), parser)
+        self._parked: set[int] = set()
         self._instances = [parser.AddModels(str(model.sdf))[0] for model in objects]
         self._top = _top(self._plant, self._scene_graph, config.support)
         half_y = len(objects) * config.area_per_object / (4 * config.half_x)
@@ -161,12 +166,11 @@ class _Pour:
         simulator = Simulator(self._diagram)
         context = simulator.get_mutable_context()
         plant_context = self._plant.GetMyMutableContextFromRoot(context)
-        for i, instance in enumerate(self._instances):
-            # Parked in free fall far away and apart, touching nothing.
-            self._place(plant_context, instance, np.array([1.0, 0, 0, 0]), np.array([20.0 + 2 * i, 20.0, 50.0]))
+        for i in range(len(self._objects)):
+            self._park(plant_context, i)
         simulator.Initialize()
         for i in rng.permutation(len(self._objects)).tolist():
-            self._release(plant_context, i, rng)
+            self._release(plant_context, i, rng, self._config.drop_height)
             _advance(simulator, self._config.interval)
         self._settle(simulator, plant_context, "between the walls")
         scene_context = self._scene_graph.GetMyMutableContextFromRoot(context)
@@ -175,11 +179,33 @@ class _Pour:
             for wall in self._walls[axis]:
                 self._scene_graph.RemoveRole(scene_context, self._plant.get_source_id(), wall, Role.kProximity)
             self._settle(simulator, plant_context, gone)
+        for _ in range(self._config.returns):
+            astray = {*self._astray(plant_context), *(upper for upper, _ in self._overlaps(context))}
+            for i in sorted(astray):
+                self._release(plant_context, i, rng, self._config.return_height)
+                _advance(simulator, self._config.interval)
+            if astray:
+                self._settle(simulator, plant_context, "after what went astray was put back")
         self._check(context, plant_context)
         return {
             model.label: readonly(self._pose(plant_context, instance).GetAsMatrix4())
             for model, instance in zip(self._objects, self._instances, strict=True)
         }
+
+    def _park(self, context: Context, index: int) -> None:
+        """Puts an object into free fall far away and apart from the others, touching nothing."""
+        self._place(context, self._instances[index], np.array([1.0, 0, 0, 0]), np.array([20.0 + 2 * index, 20.0, 50.0]))
+        self._parked.add(index)
+
+    def _astray(self, context: Context) -> list[int]:
+        """Objects that fell off or lie out of reach."""
+        config, astray = self._config, []
+        for i, instance in enumerate(self._instances):
+            x, y, _ = self._pose(context, instance).translation()
+            within = config.reach_x[0] <= x <= config.reach_x[1] and config.reach_y[0] <= y <= config.reach_y[1]
+            if i in self._parked or not within:
+                astray.append(i)
+        return astray
 
     def _place(self, context: Context, instance: object, quaternion: Array, p_WO: Array) -> None:
         self._plant.SetPositions(context, instance, np.concatenate([quaternion, p_WO]))
@@ -188,14 +214,14 @@ class _Pour:
     def _pose(self, context: Context, instance: object) -> RigidTransform:
         return self._plant.EvalBodyPoseInWorld(context, self._plant.get_body(self._plant.GetBodyIndices(instance)[0]))
 
-    def _release(self, context: Context, index: int, rng: np.random.Generator) -> None:
-        """Lets an object go over a random place, turned at random, above all that fell before it."""
+    def _release(self, context: Context, index: int, rng: np.random.Generator, height: float) -> None:
+        """Lets an object go `height` over a random place, turned at random, above all that fell before it."""
         config = self._config
         radii = [np.linalg.norm(model.dimensions) / 2 for model in self._objects]
         quaternion = rng.normal(size=4)
         margin = np.minimum(0.7 * self._half, min(self._objects[index].dimensions) / 2 + 0.02)
         x, y = np.array(config.center) + rng.uniform(-1, 1, 2) * (self._half - margin)
-        p_WO = np.array([x, y, self._top + config.drop_height + radii[index]])
+        p_WO = np.array([x, y, self._top + height + radii[index]])
         # A sphere about the object stays clear of the spheres about those still in the air below.
         others = [
             (self._pose(context, instance).translation(), radius)
@@ -205,9 +231,10 @@ class _Pour:
         while any(np.linalg.norm(p_WO - p) < radii[index] + radius for p, radius in others):
             p_WO[2] += 0.02
         self._place(context, self._instances[index], quaternion / np.linalg.norm(quaternion), p_WO)
+        self._parked.discard(index)
 
     def _settle(self, simulator: Simulator, context: Context, stage: str) -> None:
-        """Simulates until all objects have been still for long enough."""
+        """Simulates until all objects have been still for long enough; what falls off is parked."""
         config, step = self._config, 0.05
         start, still, moving = simulator.get_context().get_time(), 0.0, ""
         while still < config.settled_time - 1e-9:
@@ -216,7 +243,9 @@ class _Pour:
                 raise _Rejected(f"after {config.timeout:g} s {stage} {moving}")
             _advance(simulator, step)
             moving = ""
-            for model, instance in zip(self._objects, self._instances, strict=True):
+            for i, (model, instance) in enumerate(zip(self._objects, self._instances, strict=True)):
+                if i in self._parked:
+                    continue
                 velocity = self._plant.GetVelocities(context, instance)  # angular, then linear
                 rate, speed = np.linalg.norm(velocity[:3]), np.linalg.norm(velocity[3:])
                 if not np.isfinite(rate + speed):
@@ -224,22 +253,32 @@ class _Pour:
                 if rate > config.settled_rate or speed > config.settled_speed:
                     moving = f"{model.label} moves at {speed:.3f} m/s, {rate:.2f} rad/s"
                 if self._pose(context, instance).translation()[2] < self._top:
-                    raise _Rejected(f"{model.label} fell off the {config.support} {stage}")
+                    self._park(context, i)
             still = 0.0 if moving else still + step
 
     def _check(self, root: Context, context: Context) -> None:
         """Nothing out of reach, nothing inside anything else."""
-        config = self._config
-        for model, instance in zip(self._objects, self._instances, strict=True):
-            x, y, _ = self._pose(context, instance).translation()
-            if not (config.reach_x[0] <= x <= config.reach_x[1] and config.reach_y[0] <= y <= config.reach_y[1]):
-                raise _Rejected(f"{model.label} came to rest out of reach, at ({x:.2f}, {y:.2f}) m")
+        astray = [self._objects[i].label for i in self._astray(context)]
+        if astray:
+            raise _Rejected(f"{', '.join(astray)} fell off the {self._config.support} or came to rest out of reach")
+        for _, words in self._overlaps(root):
+            raise _Rejected(words)
+
+    def _overlaps(self, root: Context) -> list[tuple[int, str]]:
+        """Pairs that overlap by more than they may: the object that lies higher, and words."""
         query = self._scene_graph.get_query_output_port().Eval(self._scene_graph.GetMyContextFromRoot(root))
+        inspector, context = query.inspector(), self._plant.GetMyContextFromRoot(root)
+        heights = [self._pose(context, instance).translation()[2] for instance in self._instances]
+        found = []
         for pair in query.ComputePointPairPenetration():
-            if pair.depth > config.penetration_max:
-                inspector = query.inspector()
-                names = " and ".join(inspector.GetName(inspector.GetFrameId(g)) for g in (pair.id_A, pair.id_B))
-                raise _Rejected(f"{names} overlap by {pair.depth * 1e3:.1f} mm")
+            if pair.depth <= self._config.penetration_max:
+                continue
+            bodies = [self._plant.GetBodyFromFrameId(inspector.GetFrameId(g)) for g in (pair.id_A, pair.id_B)]
+            instances = [body.model_instance() for body in bodies]
+            objects = [self._instances.index(k) for k in instances if k in self._instances]
+            names = " and ".join(body.name() for body in bodies)
+            found.append((max(objects, key=lambda i: heights[i]), f"{names} overlap by {pair.depth * 1e3:.1f} mm"))
+        return found
 
 
 def _advance(simulator: Simulator, duration: float) -> None:

@@ -253,7 +253,7 @@ def make_sorting(
 
 def flat_directives(directives: Sequence[ModelDirective]) -> list[ModelDirective]:
     """The same scene without nested files."""
-    packages = PackageMap()
+    packages = PackageMap.MakeEmpty()
     packages.Add("sum_drake", str(MODELS))
     try:
         nested = ModelDirectives(directives=list(directives))

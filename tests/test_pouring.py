@@ -123,4 +123,4 @@ def test_a_state_that_blows_up_is_never_handed_out(monkeypatch: pytest.MonkeyPat
 
 def test_gives_up_with_a_reason() -> None:
     with pytest.raises(RuntimeError, match="out of reach"):
-        pour_labels(("soup_can",), 0, PouringConfig(reach_x=(0.0, 0.1), attempts=1))
+        pour_labels(("soup_can",), 0, PouringConfig(reach_x=[0.0, 0.1], attempts=1, returns=1))
