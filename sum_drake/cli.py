@@ -111,8 +111,8 @@ def _sort(options: argparse.Namespace) -> None:
     from sum_drake.objects import load_catalogue
     from sum_drake.report import write_report
     from sum_drake.runlog import RunLogWriter
+    from sum_drake.systems.episode import run
     from sum_drake.systems.scenario import dump_scenario, load_scenario
-    from sum_drake.systems.sorting import run
     from sum_drake.systems.verdict import score
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import

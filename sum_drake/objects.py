@@ -4,7 +4,7 @@ import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group, transform
 from sum_drake.robot import HAND
 from sum_drake.types import Array, Immutable
+from sum_drake.yamlio import parse_yaml
 
 if TYPE_CHECKING:
     import trimesh
@@ -125,27 +126,6 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
 _KEYS = {"mesh", "category", "symmetry", "mass", "sdf", "collision", "source"}
 
 
-def _load_yaml(path: Path) -> Any:
-    """Like `yaml.safe_load`, but a repeated key is an error rather than the last one winning."""
-    import yaml
-
-    def check_keys(node: Any) -> None:
-        pairs = node.value if isinstance(node, yaml.MappingNode) else []
-        keys = [key.value for key, _ in pairs]
-        for key in keys:
-            if isinstance(key, str) and keys.count(key) > 1:
-                raise InputError(f"{path}: '{key}' is given twice: expected every label and key once")
-        for _, child in pairs:
-            check_keys(child)
-
-    try:
-        text = path.read_text()
-        check_keys(yaml.compose(text, Loader=yaml.SafeLoader))
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not YAML: {one_line(error)}") from error
-
-
 def load_catalogue(path: Path | None = None) -> Catalogue:
     """Reads a catalogue; None is the catalogue of the fifteen objects that come with the package.
 
@@ -157,7 +137,10 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
         raise InputError(
             f"catalogue {path} is missing: expected a YAML file with objects: {{label: {{mesh, category}}}}"
         )
-    data = _load_yaml(path)
+    try:
+        data = parse_yaml(path.read_text(), str(path))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: {one_line(error)}; expected YAML") from error
     objects = data.get("objects") if isinstance(data, dict) else None
     if not isinstance(objects, dict) or not objects:
         raise InputError(f"{path}: expected objects: {{label: {{mesh, category, ...}}}}, at least one")

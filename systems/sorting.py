@@ -1,17 +1,14 @@
-"""The sorting diagram, and one run of it."""
+"""The sorting diagram: station, perception, planner, controller, log and referee, wired together."""
 
-import dataclasses
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.costs import Costs
 from sum_drake.filtering import PoseEstimator, filter_config
 from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
@@ -23,15 +20,14 @@ from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
-from sum_drake.systems.ports import unpack
 from sum_drake.systems.pouring import draw_labels, pour
-from sum_drake.systems.referee import Referee, TruthSample
+from sum_drake.systems.referee import Referee
 from sum_drake.systems.run_log import RunLog
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
 from sum_drake.systems.sorting_planner import Decide, Retreat, SortingPlanner
-from sum_drake.systems.station import make_station, object_bodies, object_render_labels, set_home
+from sum_drake.systems.station import make_station, object_bodies, object_render_labels
 from sum_drake.task import Look, Pick, SortingTask, Stop
 from sum_drake.types import (
     Array,
@@ -49,44 +45,6 @@ POLL = 0.1
 """How often the systems look at each other's counters, seconds of simulated time."""
 SETTLE = 0.5
 """How long arm and objects rest before an observation, seconds."""
-
-
-Progress = Callable[[str, float, float], None]
-"""Told what was done ("" between steps), the simulated time in seconds, and about which share of the job is done."""
-
-
-class Costs:
-    """CPU seconds by purpose."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def of(self, purpose: str) -> Iterator[None]:
-        """Adds the CPU time of the block."""
-        start = time.process_time()
-        try:
-            yield
-        finally:
-            self.seconds[purpose] = self.seconds.get(purpose, 0.0) + time.process_time() - start
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Episode:
-    """One run, as it went and as it truly was."""
-
-    outcome: str
-    """"cleared" or "stopped: <reason>"."""
-    error: BaseException | None
-    """What ended the run, if it failed; the rest is what there was until then."""
-    perceptions: tuple[Perception, ...]
-    attempts: tuple[Attempt, ...]
-    truth: tuple[TruthSample, ...]
-    """The referee's samples: for the score alone."""
-    costs: Mapping[str, float]
-    """CPU seconds of pouring, perception, planning and simulation."""
-    wall_s: float
-    sim_time_s: float
 
 
 def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> UpdateBelief:
@@ -274,95 +232,3 @@ def pour_scene(scenario: Scenario, catalogue: Catalogue) -> dict[str, Array]:
         config=scenario.pouring,
         seed=seed,
     )
-
-
-def run(
-    scenario: Scenario,
-    catalogue: Catalogue,
-    *,
-    open_log: Callable[[], RunLogWriter] | None = None,
-    progress: Progress = lambda what, sim_time, share: None,
-    on_diagram: Callable[[Diagram], None] = lambda diagram: None,
-) -> Episode:
-    """Pours, then sorts until the table is clear, nothing more can be done, or the simulated time is over.
-
-    open_log: as in `make_sorting`. on_diagram: given the diagram once it is built. Until then InputError and
-    RuntimeError (a pour that does not come to rest) are raised; whatever goes wrong later ends the episode, and is in
-    it.
-    """
-    start, costs = time.perf_counter(), Costs()
-    progress("pouring", 0.0, 0.0)
-    with costs.of("pouring"):
-        X_WOs = pour_scene(scenario, catalogue)
-    diagram = make_sorting(scenario, X_WOs, catalogue, open_log=open_log, costs=costs)
-    on_diagram(diagram)
-    simulator = Simulator(diagram)
-    root = simulator.get_mutable_context()
-    set_home(diagram.GetSubsystemByName("station"), root)
-    watch = _Watch(diagram, len(X_WOs), progress)
-    simulator.set_monitor(watch)
-    error: BaseException | None = None
-    with costs.of("all"):
-        try:
-            simulator.Initialize()
-            simulator.AdvanceTo(scenario.simulation_duration)
-        except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
-            error = failure
-            watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
-    planner = diagram.GetSubsystemByName("sorting_planner")
-    unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
-    seconds = dict(costs.seconds)
-    seconds["simulation"] = seconds.pop("all") - seconds.get("perception", 0.0) - seconds.get("planning", 0.0)
-    referee = diagram.GetSubsystemByName("referee")
-    return Episode(
-        outcome=watch.outcome or f"stopped: {scenario.simulation_duration:g} s of simulated time are over",
-        error=error,
-        perceptions=tuple(watch.perceptions),
-        attempts=watch.attempts if unfinished is None else (*watch.attempts, unfinished),
-        truth=referee.samples(referee.GetMyContextFromRoot(root)),
-        costs=seconds,
-        wall_s=time.perf_counter() - start,
-        sim_time_s=root.get_time(),
-    )
-
-
-class _Watch:
-    """The simulator's monitor: collects records, shows progress, ends the run when the planner says so."""
-
-    def __init__(self, diagram: Diagram, count: int, progress: Progress) -> None:
-        self.perceptions: list[Perception] = []
-        self.attempts: tuple[Attempt, ...] = ()
-        self.outcome = ""
-        self._diagram, self._count, self._progress, self._told = diagram, count, progress, 0.0
-        planner, estimator = (
-            diagram.GetSubsystemByName("sorting_planner"),
-            diagram.GetSubsystemByName("scene_estimator"),
-        )
-        self._planner, self._estimator = planner, estimator
-        self._perception = estimator.GetOutputPort("perception")
-        self._outcome, self._attempts = planner.GetOutputPort("outcome"), planner.GetOutputPort("attempts")
-
-    def __call__(self, root: Context) -> EventStatus:
-        time_now = root.get_time()
-        perception: Perception | None = unpack(self._perception.Eval(self._estimator.GetMyContextFromRoot(root)))
-        if perception is not None and perception.step == len(self.perceptions):
-            self.perceptions.append(perception)
-            accepted = sum(track.accepted for track in perception.posterior.tracks)
-            boxes = len(perception.detections)
-            self._tell(f"observation {perception.step}: {boxes} detections, {accepted} objects accepted", time_now)
-        context = self._planner.GetMyContextFromRoot(root)
-        attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
-        for attempt in attempts[len(self.attempts) :]:
-            self._tell(f"{attempt.label} to {attempt.region}: {attempt.reason}", time_now)
-        self.attempts = attempts
-        if time_now >= self._told + 1.0:
-            self._tell("", time_now)
-        self.outcome = self._outcome.Eval(context)
-        if self.outcome:
-            return EventStatus.ReachedTermination(self._diagram, self.outcome)
-        return EventStatus.Succeeded()
-
-    def _tell(self, what: str, sim_time: float) -> None:
-        placed = sum(attempt.reason == "executed" for attempt in self.attempts)
-        self._told = sim_time
-        self._progress(what, sim_time, min(1.0, placed / self._count))

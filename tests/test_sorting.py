@@ -18,9 +18,10 @@ from scenes import standing
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.summary_schema import validate_summary
+from sum_drake.systems.episode import run
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.scenario import load_scenario
-from sum_drake.systems.sorting import make_sorting, pour_scene, run
+from sum_drake.systems.sorting import make_sorting, pour_scene
 from sum_drake.systems.station import make_station, set_home
 from sum_drake.systems.verdict import score
 from sum_drake.types import Array

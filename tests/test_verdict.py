@@ -9,9 +9,9 @@ from scenes import X_WC, observe, standing
 from sum_drake.objects import load_catalogue
 from sum_drake.rendering import DepthRenderer
 from sum_drake.summary_schema import validate_summary
+from sum_drake.systems.episode import Episode
 from sum_drake.systems.referee import TruthSample
 from sum_drake.systems.scenario import load_scenario
-from sum_drake.systems.sorting import Episode
 from sum_drake.systems.verdict import _slips, score, visible_shares
 from sum_drake.types import (
     Attempt,
