@@ -2,12 +2,13 @@
 
 import numpy as np
 
-# Logistic regression of "within 2 cm and 20 degrees" on the log-odds of the detector's confidence and on the
-# likelihood of the pose estimate; benchmarks/existence_fit.py fits it on poured scenes and prints these numbers.
+# A logistic function of the log-odds of the detector's confidence and of the likelihood of the pose estimate. The
+# numbers are set by hand, for `filter: default`; benchmarks/existence_fit.py measures them on poured scenes and fits
+# better ones. On 66 hypotheses of its first 6 scenes (seeds 100 to 105), 29 of them within 2 cm and 20 degrees: Brier
+# skill .61, all right ones accepted at .5, 30 of 37 wrong ones rejected.
 INTERCEPT = -2.9
 DETECTOR = 0.6
 LIKELIHOOD = 8.0
-
 MISS_RATE = 0.1
 """Share of observations in which a detector misses what is there."""
 SUNK = 0.01
