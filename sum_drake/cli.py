@@ -34,6 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("sum-drake: interrupted; what was written so far can be read", file=sys.stderr)
         return INTERRUPTED
+    except BrokenPipeError:  # whoever read the output has had enough of it
+        sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
+        return 0
     except OSError as error:
         print(f"sum-drake: {error.filename}: {error.strerror}; expected a place that can be written", file=sys.stderr)
         return BAD_INPUT

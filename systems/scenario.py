@@ -18,7 +18,7 @@ from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
-from sum_drake.objects import Catalogue
+from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.pouring import PouringConfig
@@ -113,7 +113,8 @@ def load_scenario(
 ) -> Scenario:
     """The scenario `name` (default: the first) of a file of scenarios, with the fields of `text` (YAML) put over it.
 
-    `seed` and `objects`, a count, go over both.
+    A scenario of another file goes over the package's first one. A `goal` is not merged with the one below it. `seed`
+    and `objects`, a count, go over all.
 
     Raises InputError for a file that cannot be read, an unknown name, key, label, region, filter, detector or policy,
     and for values out of range.
@@ -125,7 +126,8 @@ def load_scenario(
     if name not in scenarios:
         raise InputError(f"scenario {name!r}: not in {file}; expected one of {', '.join(map(str, scenarios))}")
     where = f"scenario {name!r} of {file}"
-    scenario = _typed(scenarios[name], where, Scenario())
+    defaults = Scenario() if file == SCENARIOS else load_scenario(catalogue=load_catalogue())
+    scenario = _typed(scenarios[name], where, defaults)
     if text is not None:
         scenario = _typed(_yaml_mapping(text, "--scenario-text"), "--scenario-text", scenario)
         where += " with --scenario-text"
@@ -158,6 +160,8 @@ def _yaml_mapping(text: str, where: str) -> dict[str, Any]:
 
 def _typed(data: Any, where: str, defaults: Scenario) -> Scenario:
     _check_keys(data, Scenario, where)
+    if isinstance(data, dict) and "goal" in data:  # a goal is given whole; merged, the old one could not be left out
+        defaults = dataclasses.replace(defaults, goal={})
     try:
         scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(data), defaults=defaults)
     except Exception as error:  # Drake raises AssertionError, RuntimeError or ValueError without saying where.

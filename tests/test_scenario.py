@@ -87,3 +87,17 @@ def test_unknown_files_and_names_are_refused(catalogue, tmp_path):
         load_scenario(tmp_path / "nowhere.yaml", catalogue=catalogue)
     with pytest.raises(InputError, match=rf"'other'.*{SCENARIOS.name}.*expected one of sorting, paper"):
         load_scenario(name="other", catalogue=catalogue)
+
+
+def test_a_file_of_ones_own_goes_over_the_packages_scenario(catalogue, tmp_path):
+    file = tmp_path / "own.yaml"
+    file.write_text("only_mugs: {goal: {mug: cleaning_bin}, objects: {count: 3}}")
+    scenario = load_scenario(file, catalogue=catalogue)
+    assert scenario.goal == {"mug": "cleaning_bin"}, "given whole, not merged"
+    assert scenario.objects.count == 3
+    assert "head_camera" in scenario.cameras
+
+
+def test_a_goal_in_text_replaces_the_scenarios(catalogue):
+    scenario = load_scenario(text="{goal: {mug: leave}}", catalogue=catalogue)
+    assert scenario.goal == {"mug": "leave"}
