@@ -63,7 +63,9 @@ def random_grasps(model: ObjectModel, X_WO: Array, rng: np.random.Generator, cou
     return RankedGrasps(grasps, np.array(X_WGs), np.full(count, 0.1), np.ones(count), ())
 
 
-def is_sound(scene: PlanningScene, plan: PickPlan, target: ObjectModel, X_WO: Array, obstacles: list) -> bool:  # type: ignore[type-arg]
+def is_sound(
+    scene: PlanningScene, plan: PickPlan, target: ObjectModel, X_WO: Array, obstacles: list[tuple[ObjectModel, Array]]
+) -> bool:
     """Whether every segment keeps the limits and is free every .005 rad, by scenes made for this question."""
     others = tuple(solid_of(model, X) for model, X in obstacles)
     empty = scene.with_solids(others)

@@ -71,8 +71,9 @@ def make_diagram(writer: RunLogWriter) -> Diagram:
     return builder.Build()
 
 
-def test_ports() -> None:
-    system = RunLog(writer=None, joint_names=JOINTS)  # type: ignore[arg-type]
+def test_ports(tmp_path: Path) -> None:
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        system = RunLog(writer=writer, joint_names=JOINTS)
     names = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
     assert names == ["perception", "attempts", "joint_state", "observe", "motion_status", "outcome"]
     assert system.num_output_ports() == 0

@@ -154,8 +154,11 @@ def ellipsoid(centre: Sequence[float], radii: Sequence[float], region: str, n: i
     """An ellipsoid with its poles along z."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 2)[1:-1]
     cx, cy, cz = centre
-    rows = [(cz + radii[2] * np.sin(a), radii[0] * np.cos(a), radii[1] * np.cos(a), 2.0, cx, cy) for a in angle]
-    return stack([tuple(map(float, row)) for row in rows], region, n)  # type: ignore[misc]
+    rows = [
+        (float(cz + radii[2] * np.sin(a)), float(radii[0] * np.cos(a)), float(radii[1] * np.cos(a)), 2.0, cx, cy)
+        for a in angle
+    ]
+    return stack(rows, region, n)
 
 
 def curve(points: Sequence[Sequence[float]], count: int) -> Array:
