@@ -29,7 +29,7 @@ from sum_drake.kinematics import Arm
 from sum_drake.objects import load_catalogue
 from sum_drake.parsing import make_parser
 from sum_drake.robot import ARM_JOINTS
-from sum_drake.runlog import RunRecord, read_run_log
+from sum_drake.runlog_reader import RunRecord, read_run_log
 
 SIZE = (960, 720)
 

@@ -15,7 +15,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.drawing import Image, draw_depth, draw_perception, label_color, verdict
 from sum_drake.files import write_whole
 from sum_drake.jsonio import encode
-from sum_drake.runlog import RunRecord, read_what_there_is
+from sum_drake.runlog_reader import RunRecord, read_what_there_is
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import Attempt, Perception, SceneBelief
 

@@ -6,7 +6,7 @@ import pytest
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import RUN_FILES, main
-from sum_drake.runlog import read_run_log
+from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
 
 ONE_EASY_OBJECT = (

@@ -10,7 +10,8 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 from pydrake.systems.primitives import ConstantVectorSource
 from test_runlog import make_attempt, make_perception
 
-from sum_drake.runlog import RunLogWriter, read_run_log
+from sum_drake.runlog import RunLogWriter
+from sum_drake.runlog_reader import read_run_log
 from sum_drake.systems.ports import abstract, pack
 from sum_drake.systems.run_log import RunLog
 from sum_drake.types import MotionStatus

@@ -1,4 +1,4 @@
-"""The run log: everything a report or a replay needs comes back as it went in."""
+"""Writing the run log: other programs read it, a kill leaves it readable, and the same run gives the same bytes."""
 
 import dataclasses
 import os
@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from sum_drake.assets import InputError
 from sum_drake.geometry import rotation_from_vector, transform
 from sum_drake.jsonio import canonical, decode, encode
-from sum_drake.runlog import RunLogWriter, read_run_log, read_what_there_is, thin
+from sum_drake.runlog import RunLogWriter, thin
+from sum_drake.runlog_reader import read_run_log, read_what_there_is
 from sum_drake.types import (
     Association,
     Attempt,
@@ -76,36 +77,6 @@ def write(path: Path, count: int = 2) -> None:
             writer.write_event(7.3 * i + 2.0, "observe", {"counter": i})
 
 
-def test_everything_comes_back(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap")
-    record = read_run_log(tmp_path / "run.mcap")
-    assert record.problem is None
-    assert record.metadata["seed"] == "3"
-    assert [perception.step for perception in record.perceptions] == [0, 1]
-    for observation, perception in enumerate(record.perceptions):
-        wrote = make_perception(observation)
-        # Lossless: perception can be run again on a log.
-        np.testing.assert_array_equal(perception.frame.color, wrote.frame.color)
-        np.testing.assert_array_equal(perception.frame.depth, wrote.frame.depth)
-        assert perception.frame.camera == wrote.frame.camera
-        assert perception.frame.time == wrote.frame.time
-        assert perception.detections == wrote.detections
-        assert perception.associations == wrote.associations
-        for track, wrote_track in zip(perception.posterior.tracks, wrote.posterior.tracks, strict=True):
-            np.testing.assert_array_equal(track.X_WO, wrote_track.X_WO)
-            assert track.features == wrote_track.features
-            assert (track.id, track.label, track.accepted) == (wrote_track.id, wrote_track.label, wrote_track.accepted)
-            assert len(track.belief.weights) == 64
-    assert record.perceptions[0].action is None
-    assert record.perceptions[1].action is not None and record.perceptions[1].action.region == "left"
-    assert [time for time, _ in record.attempts] == [1.0, 8.3]
-    assert record.attempts[0][1].rejected_by == (("ik", 30), ("table", 10))
-    assert record.joint_names == ("torso", "pan")
-    np.testing.assert_array_equal(record.joint_positions, [[0.0, 1.25], [0.3, 1.25]])
-    np.testing.assert_allclose(record.joint_times, [1.5, 8.8])
-    assert record.events[1] == {"time": 9.3, "name": "observe", "detail": {"counter": 1}}
-
-
 def test_same_content_same_bytes(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap")
     write(tmp_path / "b.mcap")
@@ -130,7 +101,10 @@ def test_foxglove_finds_its_schemas(tmp_path: Path) -> None:
     assert all(message.log_time < 10e9 for _, _, message in messages)
 
 
-def test_a_killed_process_leaves_what_it_wrote(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_what_it_wrote_to_any_reader(tmp_path: Path) -> None:
+    from mcap.exceptions import EndOfFile
+    from mcap.reader import NonSeekingReader
+
     path = tmp_path / "run.mcap"
     script = textwrap.dedent(
         """
@@ -142,51 +116,25 @@ def test_a_killed_process_leaves_what_it_wrote(tmp_path: Path) -> None:
         for i in range(3):
             writer.write_perception(make_perception(i))
             writer.write_attempt(7.3 * i, make_attempt(i))
-        writer.write_joint_state(30.0, ["pan"], [0.5])
+        for i in range(20):
+            writer.write_joint_state(30.0 + 0.1 * i, ["pan"], [0.5])
         os.kill(os.getpid(), signal.SIGKILL)
         """
     )
     done = subprocess.run([sys.executable, "-c", script, str(path), os.fspath(Path(__file__).parent)], check=False)
     assert done.returncode == -signal.SIGKILL
-    # The chunk that was open has no length yet: joints since the last record.
+    # Other readers find no broken record, just no end. (Joints measured since the last record are not in the file yet.)
+    topics = []
+    with path.open("rb") as stream, pytest.raises(EndOfFile):
+        for _, channel, _ in NonSeekingReader(stream, validate_crcs=True).iter_messages(log_time_order=False):
+            topics.append(channel.topic)
+    assert topics.count("/perception") == topics.count("/head_camera/depth") == topics.count("/attempt") == 3
+    assert topics[-1] == "/attempt"
     record = read_what_there_is(path)
     assert len(record.perceptions) == 3 and len(record.attempts) == 3
     assert record.problem is not None and "cut off" in record.problem
     with pytest.raises(InputError, match=r"run\.mcap is cut off; expected"):
         read_run_log(path)
-
-
-def test_any_cut_gives_a_prefix(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap", count=3)
-    whole = (tmp_path / "run.mcap").read_bytes()
-    counts = []
-    for size in np.linspace(len(whole) // 10, len(whole) - 1, 30).astype(int):
-        (tmp_path / "cut.mcap").write_bytes(whole[:size])
-        record = read_what_there_is(tmp_path / "cut.mcap")
-        assert record.problem is not None and "\n" not in record.problem
-        counts.append(len(record.perceptions))
-    assert counts == sorted(counts) and counts[-1] == 3
-
-
-def test_damage_is_one_line(tmp_path: Path) -> None:
-    write(tmp_path / "run.mcap", count=2)
-    data = bytearray((tmp_path / "run.mcap").read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    (tmp_path / "bad.mcap").write_bytes(bytes(data))
-    record = read_what_there_is(tmp_path / "bad.mcap")
-    assert record.problem is not None and "\n" not in record.problem
-    assert len(record.perceptions) < 2
-
-
-def test_foreign_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot read the log"):
-        read_what_there_is(tmp_path / "missing.mcap")
-    (tmp_path / "text.mcap").write_text("not a log at all, but long enough to be read as one")
-    with pytest.raises(InputError, match="is no log of a run"):
-        read_what_there_is(tmp_path / "text.mcap")
-    (tmp_path / "empty.mcap").write_bytes(b"")
-    with pytest.raises(InputError, match="is no log of a run"):
-        read_run_log(tmp_path / "empty.mcap")
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:

@@ -1,0 +1,198 @@
+"""The log of a run, read back: everything that `runlog.RunLogWriter` wrote and a program goes on from."""
+
+import dataclasses
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from sum_drake.assets import InputError, one_line
+from sum_drake.jsonio import decode
+from sum_drake.runlog import CAMERA, SCHEMA
+from sum_drake.types import Array, Attempt, Perception, readonly
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RunRecord:
+    """What a log holds, in the order it happened."""
+
+    metadata: Mapping[str, str]
+    perceptions: tuple[Perception, ...]
+    """Complete with pictures; beliefs thinned."""
+    attempts: tuple[tuple[float, Attempt], ...]
+    """(time, attempt)."""
+    events: tuple[Mapping[str, Any], ...]
+    """{time, name, detail}."""
+    joint_names: tuple[str, ...]
+    joint_times: Array
+    """(k,), seconds."""
+    joint_positions: Array
+    """(k, n)."""
+    problem: str | None
+    """Why reading ended before the log did; None for a whole one."""
+
+
+def read_run_log(path: Path) -> RunRecord:
+    """Reads a whole log. Raises InputError for a file that is missing, foreign, damaged or cut off."""
+    record = read_what_there_is(path)
+    if record.problem is not None:
+        raise InputError(record.problem)
+    return record
+
+
+def read_what_there_is(path: Path) -> RunRecord:
+    """As `read_run_log`, but a log that ends early is read as far as it goes, and `problem` says what is wrong.
+
+    Raises InputError where there is nothing to read: a missing or foreign file.
+    """
+    reading = _Reading()
+    problem = None
+    try:
+        with path.open("rb") as stream:
+            for record in _records(stream):
+                reading.take(record)
+    except OSError as error:
+        raise InputError(f"cannot read the log {path}: {error.strerror}; expected an MCAP file") from None
+    except _Damage as error:
+        problem = f"the log {path} {error}; expected a log that was closed"
+    if reading.metadata.get("schema") != SCHEMA:
+        found = reading.metadata.get("schema", "no such mark")
+        raise InputError(f"{path} is no log of a run: its metadata holds {found!r}, expected schema {SCHEMA!r}")
+    return reading.result(problem)
+
+
+class _Damage(Exception):
+    """Reading cannot go on."""
+
+
+def _records(stream: Any) -> Iterator[Any]:
+    """The file's records in order. Raises _Damage where it is cut off or broken."""
+    from mcap.exceptions import EndOfFile, InvalidMagic, McapError, RecordLengthLimitExceeded
+    from mcap.stream_reader import CRCValidationError, StreamReader
+
+    try:
+        yield from StreamReader(stream, validate_crcs=True, record_size_limit=1 << 30).records
+    except (EndOfFile, RecordLengthLimitExceeded):
+        # The end is missing, or the middle of a record. Logs of writers that seek may end in a chunk without a length.
+        raise _Damage("is cut off") from None
+    except InvalidMagic:
+        raise _Damage("is no MCAP file") from None
+    except (McapError, CRCValidationError, ValueError, struct.error, UnicodeDecodeError) as error:
+        raise _Damage(f"is damaged ({one_line(error)})") from None
+
+
+class _Reading:
+    """Gathers what the records say."""
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, str] = {}
+        self._topics: dict[int, str] = {}
+        self._color: bytes = b""
+        self._depth: bytes = b""
+        self._perceptions: list[Perception] = []
+        self._attempts: list[tuple[float, Attempt]] = []
+        self._events: list[Mapping[str, Any]] = []
+        self._names: tuple[str, ...] = ()
+        self._times: list[float] = []
+        self._positions: list[list[float]] = []
+
+    def take(self, record: Any) -> None:
+        """One MCAP record. Raises _Damage for a message that cannot be decoded."""
+        from mcap.records import Channel, Message, Metadata
+
+        if isinstance(record, Metadata) and record.name == "sum-drake":
+            self.metadata = dict(record.metadata)
+        elif isinstance(record, Channel):
+            self._topics[record.id] = record.topic
+        elif isinstance(record, Message) and self.metadata.get("schema") == SCHEMA:
+            topic = self._topics[record.channel_id]
+            try:
+                self._take_message(topic, record.log_time * 1e-9, record.data)
+            except (ValueError, TypeError, KeyError, IndexError, struct.error) as error:
+                raise _Damage(f"holds a message on {topic} that cannot be decoded ({one_line(error)})") from None
+
+    def _take_message(self, topic: str, time: float, data: bytes) -> None:
+        if topic == f"/{CAMERA}/color":
+            self._color = data
+        elif topic == f"/{CAMERA}/depth":
+            self._depth = data
+        elif topic == "/perception":
+            bare: Perception = decode(Perception, json.loads(data))
+            frame = dataclasses.replace(bare.frame, color=_color(self._color), depth=_depth(self._depth))
+            self._perceptions.append(dataclasses.replace(bare, frame=frame))
+        elif topic == "/attempt":
+            self._attempts.append((time, decode(Attempt, json.loads(data))))
+        elif topic == "/event":
+            self._events.append(json.loads(data))
+        elif topic == "/joint_states":
+            joints = [_fields(joint) for joint in _fields(data)[2]]
+            self._names = tuple(joint[1][0].decode() for joint in joints)
+            self._times.append(time)
+            self._positions.append([_double(joint[2][0]) for joint in joints])
+
+    def result(self, problem: str | None) -> RunRecord:
+        return RunRecord(
+            metadata=self.metadata,
+            perceptions=tuple(self._perceptions),
+            attempts=tuple(self._attempts),
+            events=tuple(self._events),
+            joint_names=self._names,
+            joint_times=readonly(self._times),
+            joint_positions=readonly(np.reshape(self._positions, (len(self._times), len(self._names)))),
+            problem=problem,
+        )
+
+
+def _fields(data: bytes) -> dict[int, list[Any]]:
+    """The fields of a protobuf message by number: bytes, 8 or 4 raw bytes, or an integer, as they are on the wire.
+
+    Foxglove's messages are read here in a few lines rather than through a protobuf library and generated code.
+    """
+    fields: dict[int, list[Any]] = {}
+    at = 0
+
+    def varint() -> int:
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = data[at]
+            at += 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    while at < len(data):
+        number, wire = divmod(varint(), 8)
+        if wire == 0:
+            fields.setdefault(number, []).append(varint())
+            continue
+        if wire not in (1, 2, 5):
+            raise ValueError(f"wire type {wire} in a protobuf message")
+        length = varint() if wire == 2 else {1: 8, 5: 4}[wire]
+        fields.setdefault(number, []).append(data[at : at + length])
+        at += length
+    return fields
+
+
+def _double(data: bytes) -> float:
+    return float(struct.unpack("<d", data)[0])
+
+
+def _color(message: bytes) -> Any:
+    """(h, w, 3) uint8 RGB of a foxglove.CompressedImage."""
+    image = cv2.imdecode(np.frombuffer(_fields(message)[2][0], np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("broken PNG")
+    return readonly(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def _depth(message: bytes) -> Any:
+    """(h, w) float32 of a foxglove.RawImage in 32FC1."""
+    fields = _fields(message)
+    (width,), (height,) = (struct.unpack("<I", fields[number][0]) for number in (2, 3))
+    return readonly(np.frombuffer(fields[6][0], "<f4").reshape(height, width), np.float32)
