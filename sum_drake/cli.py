@@ -85,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
         if name == "render":
             one.add_argument("--out", type=Path, metavar="FILE", default=Path("objects.png"), help="PNG to write")
+            one.add_argument("--force", action="store_true", help="replace the file that is there")
 
     report = _add(commands, "report", _report, "write a run's HTML report again", "report runs/3 --force")
     report.add_argument("run", type=Path, metavar="RUN", help="run folder")
@@ -219,18 +220,25 @@ def _objects_list(options: argparse.Namespace) -> None:
 
 
 def _objects_check(options: argparse.Namespace) -> None:
-    from sum_drake.objects import check, load_catalogue
+    from sum_drake.objects import check
 
-    print("\n".join(check(load_catalogue(options.catalogue))))
+    findings = check(options.catalogue)
+    print("\n".join(finding.line for finding in findings), flush=True)
+    broken = sum(not finding.usable for finding in findings)
+    if broken:
+        raise InputError(f"{options.catalogue}: {broken} of {len(findings)} objects cannot be used; expected none")
 
 
 def _objects_render(options: argparse.Namespace) -> None:
     import cv2
 
+    from sum_drake.contact_sheet import render_contact_sheet
     from sum_drake.doctor import require_rendering
-    from sum_drake.objects import load_catalogue, render_contact_sheet
+    from sum_drake.objects import load_catalogue
 
     _check_writable(options.out)
+    if options.out.exists() and not options.force:
+        raise InputError(f"--out {options.out}: exists; expected a new name, or --force to replace it")
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     _, png = cv2.imencode(".png", cv2.cvtColor(render_contact_sheet(catalogue), cv2.COLOR_RGB2BGR))

@@ -2,15 +2,14 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sum_drake.assets import MODELS, InputError, one_line
-from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group, transform
+from sum_drake.geometry import SYMMETRIES, Symmetry, symmetry_group
 from sum_drake.robot import HAND
 from sum_drake.types import Array, Immutable
 from sum_drake.yamlio import parse_yaml
@@ -18,11 +17,11 @@ from sum_drake.yamlio import parse_yaml
 if TYPE_CHECKING:
     import trimesh
 
-Image = NDArray[np.uint8]
-
 CATALOGUE = MODELS / "objects" / "catalogue.yaml"
 LARGEST = 2.0
 """Metres: a mesh larger than this is taken to be in millimetres."""
+SMALLEST = 0.001
+"""Metres: a mesh smaller than this is taken to be in other units, too."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -106,20 +105,28 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
     if not path.is_file():
         raise InputError(f"mesh {path} is missing: expected a file in metres that trimesh reads, such as an OBJ")
     try:
-        mesh = trimesh.load(path, force="mesh", skip_materials=True)
+        # Unprocessed: trimesh would drop what is not finite without a word.
+        mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
     except Exception as error:
-        raise InputError(f"mesh {path} cannot be read: {one_line(error)}") from error
+        # For bytes that are no text trimesh asks a package that guesses encodings, which need not be there.
+        guessing = isinstance(error, ImportError) and error.name == "charset_normalizer"
+        why = "its bytes are neither text nor what its name promises" if guessing else one_line(error)
+        raise InputError(f"mesh {path} cannot be read ({why}): expected a mesh file, such as an OBJ") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {path} has no faces: expected a triangle mesh")
     if not np.isfinite(mesh.vertices).all():
         raise InputError(f"mesh {path} has vertices that are not finite: expected metres")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
+    if not mesh.area > 0:
+        raise InputError(f"mesh {path} has only faces without area: expected a triangle mesh")
     extent = float(mesh.extents.max())
     if extent > LARGEST:
         raise InputError(
             f"mesh {path} is {extent:.4g} m long: expected metres and at most {LARGEST:g} m (is it in millimetres?)"
         )
+    if extent < SMALLEST:
+        raise InputError(f"mesh {path} is {extent:.4g} m long: expected metres and at least {SMALLEST:g} m")
     return mesh
 
 
@@ -133,10 +140,14 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
     are needed; paths are relative to the file. Raises InputError for anything that cannot be used.
     """
     path = CATALOGUE if path is None else Path(path)
+    return Catalogue(path, tuple(_read_model(path, label, entry) for label, entry in _read_entries(path)))
+
+
+def _read_entries(path: Path) -> list[tuple[object, object]]:
+    """Labels and entries of a catalogue file, unchecked. Raises InputError for a file that has none."""
     if not path.is_file():
-        raise InputError(
-            f"catalogue {path} is missing: expected a YAML file with objects: {{label: {{mesh, category}}}}"
-        )
+        what = "is a folder" if path.is_dir() else "is missing"
+        raise InputError(f"catalogue {path} {what}: expected a YAML file with objects: {{label: {{mesh, category}}}}")
     try:
         data = parse_yaml(path.read_text(), str(path))
     except UnicodeDecodeError as error:
@@ -147,7 +158,7 @@ def load_catalogue(path: Path | None = None) -> Catalogue:
     extra = sorted(set(data) - {"objects"}, key=str)
     if extra:
         raise InputError(f"{path}: unknown key '{extra[0]}': expected only 'objects'")
-    return Catalogue(path, tuple(_read_model(path, label, entry) for label, entry in objects.items()))
+    return list(objects.items())
 
 
 def _read_model(path: Path, label: object, entry: object) -> ObjectModel:
@@ -222,104 +233,63 @@ def describe(catalogue: Catalogue) -> str:
     return "\n".join(lines)
 
 
-def check(catalogue: Catalogue) -> list[str]:
-    """One line an object: faces, whether the mesh is closed, its extents, and what may cause trouble."""
-    lines = []
-    for model in catalogue.models:
-        mesh = model.load_mesh()
-        warnings = []
-        if not mesh.is_watertight:
-            warnings.append("not closed: inside and outside are guessed from the normals")
-        elif mesh.volume < 0:
-            warnings.append("inside out: the normals point inward")
-        if len(mesh.faces) > 20_000:
-            warnings.append("many faces: rendering particles will be slow")
-        if mesh.extents.max() < 0.02:
-            warnings.append("smaller than 2 cm: is it in metres?")
-        if np.linalg.norm(mesh.bounds.mean(0)) > 0.5 * mesh.extents.max():
-            warnings.append("origin far outside the object: rotations will be badly conditioned")
-        if mesh.extents.min() > HAND.gap_max and not model.collision:
-            warnings.append(f"no side is narrower than the hand's {1e3 * HAND.gap_max:.0f} mm")
-        if model.mesh.suffix == ".obj" and "\nvn " not in model.mesh.read_text(errors="replace"):
-            warnings.append("no vertex normals: it will look faceted")
-        if model.sdf is None:
-            warnings.append("no sdf: it can be perceived but not poured")
-        size = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
-        closed = "closed" if mesh.is_watertight else "open"
-        verdict = "; ".join(warnings) or "good"
-        lines.append(f"{model.label}: {len(mesh.faces)} faces, {closed}, {size} mm: {verdict}")
-    return lines
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """What `check` says of one object."""
+
+    line: str
+    usable: bool
+    """Whether a catalogue that holds the object can be loaded."""
 
 
-# --- contact sheet ---------------------------------------------------------------------------------------------------
+def check(path: Path | None = None) -> list[Finding]:
+    """Every object of a catalogue file: faces, whether the mesh is closed, its extents, and what may cause trouble.
 
-_VIEWS = ((25.0, 22.0), (200.0, 35.0))
-"""Azimuth from the front and elevation of the sheet's views, degrees."""
-
-
-def render_model(model: ObjectModel, *, azimuth: float = 25.0, elevation: float = 22.0, size: int = 300) -> Image:
-    """The object in its catalogue pose seen from `azimuth` and `elevation` (degrees), (size, size, 3) RGB."""
-    from pydrake.geometry import (
-        ClippingRange,
-        ColorRenderCamera,
-        GeometryInstance,
-        LightParameter,
-        MakeRenderEngineVtk,
-        Mesh,
-        PerceptionProperties,
-        RenderCameraCore,
-        RenderEngineVtkParams,
-        RenderLabel,
-        SceneGraph,
-    )
-    from pydrake.math import RigidTransform
-    from pydrake.systems.sensors import CameraInfo
-
-    lights = [
-        LightParameter(type="directional", frame="world", direction=direction, intensity=intensity)
-        for direction, intensity in (([-0.5, 0.4, -1], 0.8), ([-0.8, -0.6, -0.2], 0.6), ([0.9, 0.2, -0.4], 0.7))
-    ]
-    scene_graph = SceneGraph()
-    parameters = RenderEngineVtkParams(default_clear_color=[0.96, 0.96, 0.97], lights=lights)
-    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(parameters))
-    geometry = GeometryInstance(RigidTransform(), Mesh(str(model.mesh)), model.label)
-    properties = PerceptionProperties()
-    properties.AddProperty("label", "id", RenderLabel(1))
-    geometry.set_perception_properties(properties)
-    scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("sheet"), geometry)
-    query = scene_graph.get_query_output_port().Eval(scene_graph.CreateDefaultContext())
-
-    # Seen from where a 30 degree lens just holds the object's sphere.
-    fov = np.radians(30.0)
-    center = model.load_mesh().bounds.mean(0)
-    a, e = np.radians([azimuth, elevation])
-    backward = np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    R_WC = np.stack([right, np.cross(-backward, right), -backward], 1)
-    p_WC = center + backward * np.linalg.norm(model.dimensions) / 2 / np.sin(fov / 2)
-    core = RenderCameraCore("vtk", CameraInfo(size, size, fov), ClippingRange(0.01, 20.0), RigidTransform())
-    image = query.RenderColorImage(
-        ColorRenderCamera(core, False), scene_graph.world_frame_id(), RigidTransform(transform(R_WC, p_WC))
-    )
-    return np.array(image.data[..., :3])
+    None is the package's catalogue. An object that cannot be used is a finding, too. Raises InputError for a file
+    that is no catalogue.
+    """
+    path = CATALOGUE if path is None else Path(path)
+    return [_check(path, label, entry) for label, entry in _read_entries(path)]
 
 
-def render_contact_sheet(catalogue: Catalogue, labels: Sequence[str] | None = None) -> Image:
-    """Two views of each object with label, size, mass and category, five objects a row, (h, w, 3) RGB."""
-    import cv2
+def _check(path: Path, label: object, entry: object) -> Finding:
+    try:
+        model = _read_model(path, label, entry)
+        model.load_collision()
+    except InputError as error:
+        said = str(error).removeprefix(f"{path}: object '{label}': ")
+        return Finding(f"{label}: cannot be used: {said}", usable=False)
+    mesh = model.load_mesh()
+    warnings = []
+    if not mesh.is_watertight:
+        warnings.append("not closed: inside and outside are guessed from the normals")
+    elif mesh.volume < 0:
+        warnings.append("inside out: the normals point inward")
+    flat = np.count_nonzero(mesh.area_faces == 0)
+    if flat:
+        warnings.append(f"faces without area: {flat}")
+    if len(mesh.faces) > 20_000:
+        warnings.append("many faces: rendering particles will be slow")
+    if mesh.extents.max() < 0.02:
+        warnings.append("smaller than 2 cm: is it in metres?")
+    if np.linalg.norm(mesh.bounds.mean(0)) > 0.5 * mesh.extents.max():
+        warnings.append("origin far outside the object: rotations will be badly conditioned")
+    if mesh.extents.min() > HAND.gap_max and not model.collision:
+        warnings.append(f"no side is narrower than the hand's {1e3 * HAND.gap_max:.0f} mm")
+    if not is_shaded(model.mesh):
+        warnings.append("no OBJ with vertex normals: it is drawn faceted and grey")
+    if model.sdf is None:
+        warnings.append("no sdf: it can be perceived but not poured")
+    size = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
+    closed = "closed" if mesh.is_watertight else "open"
+    verdict = "; ".join(warnings) or "good"
+    return Finding(f"{model.label}: {len(mesh.faces)} faces, {closed}, {size} mm: {verdict}", usable=True)
 
-    size, caption, columns = 220, 62, 5
-    cells = []
-    for model in [catalogue[label] for label in labels or catalogue.labels]:
-        views = [render_model(model, azimuth=a, elevation=e, size=size) for a, e in _VIEWS]
-        cell = np.concatenate([np.concatenate(views, 1), np.full((caption, 2 * size, 3), 255, np.uint8)])
-        extents = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
-        mass = "" if model.mass is None else f", {model.mass:g} kg"
-        lines = (model.label, 0.62, (20, 20, 20)), (f"{extents} mm{mass}, {model.category}", 0.45, (90, 90, 90))
-        for k, (text, scale, colour) in enumerate(lines):
-            at = (10, size + 22 + 25 * k)
-            cv2.putText(cell, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
-        cells.append(cv2.copyMakeBorder(cell, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=(225, 225, 225)))
-    cells += [np.full_like(cells[0], 255)] * (-len(cells) % min(columns, len(cells)))
-    width = min(columns, len(cells))
-    return np.concatenate([np.concatenate(cells[i : i + width], 1) for i in range(0, len(cells), width)])
+
+def is_shaded(mesh: Path) -> bool:
+    """Whether a mesh is an OBJ that names a normal for every corner: what Drake's renderer draws as it is."""
+    if mesh.suffix.lower() != ".obj":
+        return False
+    lines = (line.split() for line in mesh.read_text(errors="replace").splitlines())
+    corners = [corner for words in lines if words[:1] == ["f"] for corner in words[1:]]
+    return all(corner.count("/") == 2 and not corner.endswith("/") for corner in corners)

@@ -105,6 +105,30 @@ def test_objects_list_and_check_name_all_fifteen(capsys):
         assert all(path.name in out for path in (MODELS / "objects").iterdir() if (path / f"{path.name}.obj").exists())
 
 
+def test_objects_check_says_all_and_then_refuses(capsys, tmp_path):
+    """What can be used is still told; the last line, on stderr, says how many cannot."""
+    catalogue = tmp_path / "objects.yaml"
+    (tmp_path / "noise.obj").write_bytes(bytes(range(256)) * 8)
+    mug = MODELS / "objects" / "mug" / "mug.obj"
+    catalogue.write_text(f"objects: {{a: {{mesh: noise.obj, category: x}}, b: {{mesh: {mug}, category: x}}}}")
+    assert main(["objects", "check", "--catalogue", str(catalogue)]) == 2
+    out, err = capsys.readouterr()
+    assert out.splitlines()[0].startswith("a: cannot be used: mesh ") and out.splitlines()[1].startswith("b: 23")
+    assert err == f"sum-drake: {catalogue}: 1 of 2 objects cannot be used; expected none\n"
+
+
+def test_objects_render_replaces_nothing_unless_that_is_said(capsys, tmp_path):
+    catalogue, sheet = tmp_path / "objects.yaml", tmp_path / "sheet.png"
+    mug = MODELS / "objects" / "mug" / "mug.obj"
+    catalogue.write_text(f"objects: {{b: {{mesh: {mug}, category: x}}}}")
+    sheet.write_text("a photograph")
+    arguments = ["objects", "render", "--catalogue", str(catalogue), "--out", str(sheet)]
+    assert "--force" in refused(capsys, *arguments)
+    assert sheet.read_text() == "a photograph"
+    assert main([*arguments, "--force"]) == 0
+    assert sheet.read_bytes().startswith(b"\x89PNG")
+
+
 def sort(*arguments):
     """A run in a process of its own; what it says on stderr."""
     done = subprocess.run(

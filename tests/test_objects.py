@@ -13,15 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from sum_drake.assets import InputError
 from sum_drake.geometry import inverse, pose_error, rotation_from_vector, transform
-from sum_drake.objects import (
-    Catalogue,
-    check,
-    describe,
-    load_catalogue,
-    render_contact_sheet,
-    render_model,
-    sample_surface,
-)
+from sum_drake.objects import Catalogue, check, describe, is_shaded, load_catalogue, sample_surface
 from sum_drake.parsing import make_parser
 from sum_drake.robot import HAND
 
@@ -190,29 +182,11 @@ def test_loads_in_drake_without_a_warning(catalogue: Catalogue, caplog: pytest.L
         assert np.all(np.abs(inertia.get_com()) < np.array(catalogue[label].dimensions) / 2)
 
 
-@pytest.mark.parametrize("label", CATALOGUE.labels)
-def test_print_shows_in_the_render(catalogue: Catalogue, label: str) -> None:
-    """A texture that does not load leaves one flat hue; ours have several."""
-    image = render_model(catalogue[label], size=160).astype(float)
-    background = np.abs(image - image[0, 0]).max(2) < 3
-    colours = image[~background]
-    assert len(colours) > 1500
-    chroma = colours / np.maximum(colours.sum(1, keepdims=True), 1)  # free of shading
-    assert chroma.std(0).max() > 0.02
-
-
-def test_contact_sheet(catalogue: Catalogue) -> None:
-    sheet = render_contact_sheet(catalogue, ["tide", "mug"])
-    assert sheet.dtype == np.uint8 and sheet.ndim == 3
-    again = render_contact_sheet(catalogue, ["tide", "mug"])
-    np.testing.assert_array_equal(sheet, again)
-
-
 def test_tables_name_every_object(catalogue: Catalogue) -> None:
-    table, lines = describe(catalogue), check(catalogue)
-    assert len(lines) == 15
-    for label, line in zip(catalogue.labels, lines, strict=True):
-        assert label in table and line.startswith(label) and line.endswith("good")
+    table, findings = describe(catalogue), check()
+    assert len(findings) == 15
+    for label, finding in zip(catalogue.labels, findings, strict=True):
+        assert label in table and finding.line.startswith(label) and finding.line.endswith("good") and finding.usable
 
 
 # --- sampling --------------------------------------------------------------------------------------------------------
@@ -249,11 +223,27 @@ def test_a_users_mesh_and_category_are_enough(tmp_path: Path) -> None:
     assert model.symmetry.name == "none" and model.sdf is None and model.mass is None
     np.testing.assert_allclose(sorted(model.dimensions), [0.05, 0.08, 0.1], atol=1e-6)
     assert len(model.load_collision()) == 1
-    assert "no sdf" in check(catalogue)[0]
+    (finding,) = check(file)
+    assert "no sdf" in finding.line and finding.usable
     assert inverse(np.eye(4)).shape == (4, 4)
 
 
 ENTRY = "objects:\n  mine:\n    mesh: box.obj\n    category: tools\n"
+
+
+def broken_meshes(path: Path) -> None:
+    """A good box.obj and many that cannot be used."""
+    box = box_obj(path).read_text()
+    (path / "empty.obj").write_text("")
+    (path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    trimesh.creation.box((100, 50, 80)).export(path / "millimetres.obj")
+    trimesh.creation.box((1e-5, 5e-6, 8e-6)).export(path / "speck.obj")
+    (path / "line.obj").write_text("v 0 0 0\nv .1 0 0\nv .2 0 0\nf 1 2 3\n")
+    (path / "nan.obj").write_text(box.replace("v -0.05000000", "v nan", 1))
+    (path / "inf.obj").write_text(box.replace("v -0.05000000", "v inf", 1))
+    (path / "index.obj").write_text("v 0 0 0\nv .1 0 0\nv 0 .1 0\nf 1 2 9\n")
+    (path / "noise.obj").write_bytes(np.random.default_rng(0).bytes(4000))
+    (path / "zeros.obj").write_bytes(bytes(4000))
 
 
 @pytest.mark.parametrize(
@@ -272,6 +262,13 @@ ENTRY = "objects:\n  mine:\n    mesh: box.obj\n    category: tools\n"
         (ENTRY.replace("box.obj", "empty.obj"), ("mine", "empty.obj")),
         (ENTRY.replace("box.obj", "points.obj"), ("mine", "points.obj", "faces")),
         (ENTRY.replace("box.obj", "millimetres.obj"), ("mine", "millimetres")),
+        (ENTRY.replace("box.obj", "speck.obj"), ("mine", "speck.obj", "1e-05 m", "at least")),
+        (ENTRY.replace("box.obj", "line.obj"), ("mine", "line.obj", "without area")),
+        (ENTRY.replace("box.obj", "nan.obj"), ("mine", "nan.obj", "not finite")),
+        (ENTRY.replace("box.obj", "inf.obj"), ("mine", "inf.obj", "not finite")),
+        (ENTRY.replace("box.obj", "index.obj"), ("mine", "index.obj", "cannot be read")),
+        (ENTRY.replace("box.obj", "noise.obj"), ("mine", "noise.obj", "cannot be read")),
+        (ENTRY.replace("box.obj", "zeros.obj"), ("mine", "zeros.obj", "no faces")),
         ("objects:\n  mine:\n    mesh: box.obj\n", ("mine", "category")),
         ("objects: {}\n", ("objects",)),
         ("- 1\n", ("objects",)),
@@ -279,15 +276,46 @@ ENTRY = "objects:\n  mine:\n    mesh: box.obj\n    category: tools\n"
     ],
 )
 def test_bad_catalogues_name_what_is_wrong_in_one_line(tmp_path: Path, text: str, names: tuple[str, ...]) -> None:
-    box_obj(tmp_path)
-    (tmp_path / "empty.obj").write_text("")
-    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
-    trimesh.creation.box((100, 50, 80)).export(tmp_path / "millimetres.obj")
+    broken_meshes(tmp_path)
     with pytest.raises(InputError) as error:
         load_catalogue(write(tmp_path, text))
     assert "\n" not in str(error.value)
     for name in (*names, str(tmp_path)):
         assert name in str(error.value)
+
+
+def test_check_goes_on_after_what_cannot_be_used(tmp_path: Path) -> None:
+    """One line an object, in the file's order; the last two are not even entries."""
+    broken_meshes(tmp_path)
+    names = [file.stem for file in sorted(tmp_path.glob("*.obj"))]
+    text = "".join(f"  {name}: {{mesh: {name}.obj, category: tools}}\n" for name in names)
+    text += (
+        "  pieces: {mesh: box.obj, category: tools, collision: [noise.obj]}\n  nothing: {mesh: box.obj}\n  7: tools\n"
+    )
+    findings = check(write(tmp_path, "objects:\n" + text))
+    assert [finding.line.partition(": ")[0] for finding in findings] == [*names, "pieces", "nothing", "7"]
+    assert [finding.line.partition(": ")[0] for finding in findings if finding.usable] == ["box"]
+    for finding in findings:
+        assert "\n" not in finding.line and finding.usable != ("cannot be used" in finding.line)
+
+
+def test_check_counts_faces_without_area(tmp_path: Path) -> None:
+    file = box_obj(tmp_path)
+    file.write_text(file.read_text() + "f 1 1 2\nf 3 4 4\n")
+    (finding,) = check(write(tmp_path, ENTRY))
+    assert "faces without area: 2" in finding.line and finding.usable
+
+
+@pytest.mark.parametrize(
+    ("faces", "shaded"),
+    [("f 1//1 2//1 3//1", True), ("f 1/1/1 2/2/1 3/3/1", True), ("f 1/1 2/2 3/3", False), ("f 1//1 2//1 3//", False),
+     ("f 1//1 2//1 3//1\nf 1 2 3", False)],
+)  # fmt: skip
+def test_only_an_obj_that_uses_normals_throughout_is_shaded(tmp_path: Path, faces: str, shaded: bool) -> None:
+    file = tmp_path / "mesh.obj"
+    file.write_text(f"v 0 0 0\nv .1 0 0\nv 0 .1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n{faces}\n")
+    assert is_shaded(file) == shaded
+    assert not is_shaded(file.rename(tmp_path / "mesh.stl"))
 
 
 def test_unknown_label_and_missing_file(catalogue: Catalogue, tmp_path: Path) -> None:
@@ -296,6 +324,8 @@ def test_unknown_label_and_missing_file(catalogue: Catalogue, tmp_path: Path) ->
     assert catalogue.get("soap") is None  # as of any mapping
     with pytest.raises(InputError, match="missing"):
         load_catalogue(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match="is a folder: expected a YAML file"):
+        load_catalogue(tmp_path)
 
 
 def test_folder_is_small(catalogue: Catalogue) -> None:
