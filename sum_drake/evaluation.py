@@ -54,14 +54,18 @@ class Truth(Immutable):
 def where_is(X_WO: Array, regions: Mapping[str, Region]) -> str:
     """Name of the region that holds the object's origin, "table" above the table's height, else "floor".
 
-    A region holds what lies within its footprint, from its floor to `HEAP` above its rim. The region named "table"
-    gives the table's height.
+    A region holds what lies within its footprint, from its floor to `HEAP` above its rim. Where several do, it is the
+    smallest: part of the table may be a region of its own. The region named "table" gives the table's height.
     """
     p_W = X_WO[:3, 3]
-    for name, region in regions.items():
+
+    def holds(region: Region) -> bool:
         inside = np.all(np.abs(p_W[:2] - region.p_W[:2]) <= region.half_extents[:2])
-        if inside and region.floor_height - MOVED <= p_W[2] <= region.rim_height + HEAP:
-            return name
+        return bool(inside and region.floor_height - MOVED <= p_W[2] <= region.rim_height + HEAP)
+
+    holding = [name for name, region in regions.items() if holds(region)]
+    if holding:
+        return min(holding, key=lambda name: float(np.prod(regions[name].half_extents)))
     table = regions.get("table")
     return "table" if table is not None and p_W[2] > table.floor_height else "floor"
 

@@ -103,6 +103,19 @@ def test_where_is(p: tuple[float, float, float], place: str) -> None:
     assert where_is(at(*p), REGIONS) == place
 
 
+@given(st.permutations(["table", "corner", "tray", "left"]))
+def test_of_regions_in_regions_the_smallest_counts(order: list[str]) -> None:
+    """A corner of the table, and a tray in it, are places of their own, in whatever order they are listed."""
+    all_regions = {
+        "corner": Region("corner", readonly([0.8, 0.2, 0.8]), readonly([0.1, 0.1, 0.1])),
+        "tray": Region("tray", readonly([0.8, 0.2, 0.75]), readonly([0.05, 0.05, 0.05])),
+        **REGIONS,
+    }
+    regions = {name: all_regions[name] for name in order}
+    places = [where_is(at(x, 0.2, 0.75), regions) for x in (0.6, 0.72, 0.8)]
+    assert places == ["table", "corner", "tray"]
+
+
 # Observations.
 
 
