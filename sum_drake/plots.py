@@ -155,7 +155,7 @@ def _drawn(series: Series, line: _Line, x: Array, y: Array, color: str) -> str:
         shown = f"<path d='{''.join(path)}' fill='none' stroke='{color}' stroke-width='1.8'{dash}>"
         parts.append(f"{shown}<title>{html.escape(series.name)}</title></path>")
     if series.dots:
-        for i in np.flatnonzero(known):
+        for i in map(int, np.flatnonzero(known)):
             words = html.escape(f"{series.name} {_number(line.x[i])}: {line.y[i]:.3f}".strip())
             parts.append(
                 f"<circle cx='{x[i]:.1f}' cy='{y[i]:.1f}' r='3' fill='{color}'><title>{words}</title></circle>"

@@ -278,7 +278,7 @@ def confusion_matrix(images: Sequence[ScoredImage], threshold: float) -> NDArray
             if index != LEFT_OUT:
                 counts[image.true_classes[index] if index >= 0 else 0, said] += 1
         missed = np.setdiff1d(np.flatnonzero(image.scored), taken)
-        np.add.at(counts, (image.true_classes[missed], 0), 1)
+        counts[:, 0] += np.bincount(image.true_classes[missed], minlength=size)
     return counts
 
 
