@@ -85,9 +85,9 @@ def test_a_worked_example():
 def test_a_box_near_enough_for_one_threshold_is_false_at_a_stricter_one():
     scene = image([(A, 1)], [(NEAR_A, 1, 0.9)])
     aps = metrics.average_precisions([scene], K)
-    np.testing.assert_array_equal(aps[:, 0], [1, 1, 1, 0, 0, 0, 0, 0, 0, 0])
+    np.testing.assert_array_equal(aps[0], [1, 1, 1, 0, 0, 0, 0, 0, 0, 0])
     assert metrics.mean_average_precision(aps) == pytest.approx(0.3)
-    assert metrics.mean_average_precision(aps[:1]) == 1.0
+    assert metrics.mean_average_precision(aps[:, :1]) == 1.0
 
 
 @given(many)
@@ -95,8 +95,8 @@ def test_perfect_detections_score_1(drawn):
     scenes = [image(objects, [(box, label, 0.9) for box, label, scored in objects if scored]) for objects, _ in drawn]
     aps = metrics.average_precisions(scenes, K)
     occur = {label for objects, _ in drawn for _, label, scored in objects if scored}
-    assert {1 + i for i in np.flatnonzero(~np.isnan(aps[0]))} == occur
-    assert np.all(aps[:, [label - 1 for label in occur]] == 1.0)
+    assert {1 + i for i in np.flatnonzero(~np.isnan(aps[:, 0]))} == occur
+    assert np.all(aps[[label - 1 for label in occur]] == 1.0)
     point = metrics.best_operating_point(scenes, 0.0)
     if occur:
         assert metrics.mean_average_precision(aps) == 1.0
@@ -192,7 +192,7 @@ def test_objects_left_out_are_neither_missed_nor_found_nor_make_their_boxes_fals
     twice = image([(A, 1), hidden], [(A, 1, 0.9), (B, 2, 0.8), (B, 2, 0.7)])
     for scene in (without, found, twice):
         assert metrics.operating_point([scene], 0.1) == metrics.OperatingPoint(0.1, 1.0, 1.0, 0.0)
-        assert np.isnan(metrics.average_precisions([scene], K)[0, 1])
+        assert np.isnan(metrics.average_precisions([scene], K)[1, 0])
         assert metrics.confusion_matrix([scene], 0.1).sum() == 1
         np.testing.assert_array_equal(metrics.box_reliability([scene]).counts, [1])
     mistaken = image([(A, 1), hidden], [(A, 1, 0.9), (B, 3, 0.8)])

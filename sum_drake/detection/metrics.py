@@ -118,17 +118,17 @@ def precision_recall(images: Sequence[ScoredImage], label: int, threshold: float
 
 
 def average_precisions(images: Sequence[ScoredImage], labels: int, thresholds: Sequence[float] = COCO_IOUS) -> Array:
-    """Average precision (thresholds, labels) of classes 1..labels; nan where there is no object to find."""
+    """Average precision (labels, thresholds) of classes 1..labels; nan where there is no object to find."""
     return np.array(
         [
-            [precision_recall(images, label, threshold).average_precision for label in range(1, labels + 1)]
-            for threshold in thresholds
+            [precision_recall(images, label, threshold).average_precision for threshold in thresholds]
+            for label in range(1, labels + 1)
         ]
     )
 
 
 def mean_average_precision(average_precisions: Array) -> float:
-    """The mean over the labels that occur, then over the thresholds; nan where no label does."""
+    """The mean of (labels, thresholds) over both, the labels that occur; nan where none does."""
     occur = ~np.isnan(average_precisions)
     return float(np.mean(average_precisions[occur])) if occur.any() else float("nan")
 
