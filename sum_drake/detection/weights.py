@@ -1,0 +1,121 @@
+"""A trained detector on disk: one safetensors file that says what it is.
+
+The tensors are float16, which halves the file and changes no score by more than a few thousandths. The file's metadata
+holds all else that a detection depends on, as JSON under the key "sum-drake": labels, shape, calibration, threshold.
+"""
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.detection.calibration import Calibration
+from sum_drake.files import write_whole
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from sum_drake.detection.network import Network
+
+SCHEMA = "sum-drake/detector/1"
+DEFAULT = MODELS / "weights" / "detector.safetensors"
+"""The weights that come with the package, of the package's fifteen objects."""
+_KEY = "sum-drake"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weights:
+    """Everything a trained detector is."""
+
+    labels: tuple[str, ...]
+    """Class i + 1 is labels[i]; class 0 is background."""
+    width: int
+    """Channels of the feature map."""
+    hidden: int
+    """Width of the box head."""
+    tensors: "dict[str, Tensor]"
+    """State of the network."""
+    calibration: Calibration
+    threshold: float
+    """p_box * p_label from which a box is worth a hypothesis."""
+
+    def network(self) -> "Network":
+        """The network with these weights, on the CPU. Raises RuntimeError for tensors that do not fit."""
+        from sum_drake.detection.network import Network
+
+        network = Network(len(self.labels) + 1, width=self.width, hidden=self.hidden)
+        network.load_state_dict({name: tensor.float() for name, tensor in self.tensors.items()})
+        return network.eval()
+
+
+def save_weights(path: Path, weights: Weights) -> str:
+    """Writes the file and returns its SHA-256."""
+    import torch
+    from safetensors.torch import save
+
+    about = {
+        "schema": SCHEMA,
+        "labels": list(weights.labels),
+        "width": weights.width,
+        "hidden": weights.hidden,
+        "calibration": dataclasses.asdict(weights.calibration),
+        "threshold": weights.threshold,
+    }
+    tensors = {name: tensor.detach().to("cpu", torch.float16).contiguous() for name, tensor in weights.tensors.items()}
+    content = save(tensors, metadata={_KEY: json.dumps(about, sort_keys=True)})
+    write_whole(path, content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def load_weights(path: Path | None = None, *, labels: Sequence[str] | None = None) -> Weights:
+    """Reads a detector (default: the package's).
+
+    labels: what it must know, in this order. Raises InputError for a file that is missing, damaged, no detector, or one
+    of other labels.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    path = DEFAULT if path is None else path
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; expected a detector's weights, as sum-drake train writes them")
+    try:
+        with safe_open(path, framework="pt") as file:
+            about = json.loads((file.metadata() or {}).get(_KEY, "null"))
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
+    except (SafetensorError, OSError, ValueError) as error:
+        raise InputError(f"{path}: {one_line(error)}; expected a whole safetensors file") from error
+    weights = _read(path, about, tensors)
+    if labels is not None and tuple(labels) != weights.labels:
+        raise InputError(
+            f"{path}: {_difference(weights.labels, labels)}; expected a detector of the catalogue's labels"
+        )
+    return weights
+
+
+def _read(path: Path, about: Any, tensors: "dict[str, Tensor]") -> Weights:
+    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
+        raise InputError(f"{path}: its metadata names no {SCHEMA}; expected weights that sum-drake train wrote")
+    try:
+        weights = Weights(
+            labels=tuple(about["labels"]),
+            width=int(about["width"]),
+            hidden=int(about["hidden"]),
+            tensors=tensors,
+            calibration=Calibration(**about["calibration"]),
+            threshold=float(about["threshold"]),
+        )
+        weights.network()
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: {one_line(error)}; expected weights that fit their own description") from error
+    return weights
+
+
+def _difference(known: Sequence[str], wanted: Sequence[str]) -> str:
+    unknown = [label for label in wanted if label not in known]
+    if unknown:
+        return f"knows no '{unknown[0]}'"
+    extra = [label for label in known if label not in wanted]
+    return f"knows '{extra[0]}', which the catalogue lacks" if extra else "knows the labels in another order"
