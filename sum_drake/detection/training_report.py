@@ -9,11 +9,41 @@ from typing import Any
 import numpy as np
 
 from sum_drake.detection import metrics
-from sum_drake.detection.weights import Weights
+from sum_drake.detection.evaluation import figures
+from sum_drake.detection.weights import Weights, save_weights
 from sum_drake.files import write_whole
 from sum_drake.plots import Series, line_plot, matrix_plot
 
 LOSSES = ("objectness", "proposals", "classes", "corrections")
+
+
+def write_results(
+    out: Path,
+    weights: Weights,
+    *,
+    images: Sequence[metrics.ScoredImage],
+    log: Sequence[Mapping[str, float]],
+    recipe: Mapping[str, Any],
+    data: Mapping[str, Any],
+    date: str,
+    versions: Mapping[str, str],
+) -> Path:
+    """Writes detector.safetensors, its card detector.md and the plots into a folder; returns the weights' file.
+
+    images: the validation split as the finished detector sees it. date: of the training, as it should be read.
+    """
+    path = out / "detector.safetensors"
+    sha256 = save_weights(path, weights)
+    at = metrics.operating_point(images, weights.threshold)
+    found = figures(images) | {
+        "recall at the threshold": at.recall,
+        "false positives a picture": at.false_positives_per_image,
+        "calibration error": metrics.box_reliability(images).error,
+    }
+    text = card(weights, sha256=sha256, date=date, recipe=recipe, data=data, figures=found, versions=versions)
+    write_whole(out / "detector.md", text)
+    write_plots(out, log, images, weights)
+    return path
 
 
 def write_plots(

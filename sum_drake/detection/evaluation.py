@@ -1,0 +1,76 @@
+"""A detector on pictures whose truth is known: what it makes of each, and the calibration that follows from it."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sum_drake.detection import calibration, metrics
+from sum_drake.detection.dataset import AnnotatedImage, is_scored
+from sum_drake.detection.inference import Detector
+from sum_drake.detection.proposals import iou
+from sum_drake.detection.weights import Weights
+from sum_drake.types import Array
+
+
+def evaluate(detector: Detector, images: Sequence[AnnotatedImage]) -> list[metrics.ScoredImage]:
+    """What a detector makes of each picture."""
+    scored = []
+    for image in images:
+        found = detector.detect(image.color, image.depth)
+        true = detector.classify(image.color, np.array([one.box for one in image.objects]).reshape(-1, 4))
+        scored.append(metrics.scored_image(image, detector.labels, found.boxes, found.probabilities, true))
+    return scored
+
+
+def figures(images: Sequence[metrics.ScoredImage]) -> dict[str, float]:
+    """The figures a training is followed by."""
+    labels = images[0].probabilities.shape[1] - 1
+    precisions = metrics.average_precisions(images, labels)
+    at = metrics.best_operating_point(images)
+    return {
+        "map50": metrics.mean_average_precision(precisions[:, :1]),
+        "map50_95": metrics.mean_average_precision(precisions),
+        "recall": at.recall,
+        "top1": metrics.top1(images),
+    }
+
+
+def calibrated(weights: Weights, images: Sequence[AnnotatedImage], *, report: Callable[[str], None] = print) -> Weights:
+    """The same network with probabilities and working threshold fitted to pictures it was not trained on.
+
+    The threshold is the one of the best recall at no more than one false positive a picture.
+    """
+    detector = Detector(weights)
+    logits, classes = [], []
+    for image in images:
+        found = detector.detect(image.color, image.depth)
+        shown = _classes(found.boxes, image, weights.labels)
+        logits.append(found.logits[shown != _LEFT_OUT])
+        classes.append(shown[shown != _LEFT_OUT])
+    fitted = dataclasses.replace(weights, calibration=calibration.fit(np.concatenate(logits), np.concatenate(classes)))
+    at = metrics.best_operating_point(evaluate(Detector(fitted), images))
+    report(
+        f"calibrated: {fitted.calibration}; threshold {at.threshold:.3f}: recall {at.recall:.3f} at "
+        f"{at.false_positives_per_image:.2f} false positives a picture"
+    )
+    return dataclasses.replace(fitted, threshold=at.threshold)
+
+
+_LEFT_OUT = -1
+
+
+def _classes(boxes: Array, image: AnnotatedImage, labels: Sequence[str]) -> NDArray[np.int64]:
+    """Class (n,) of the object that each box shows, 0 for none, _LEFT_OUT for one that is hardly visible."""
+    classes = np.zeros(len(boxes), np.int64)
+    best = np.full(len(boxes), metrics.TRUE_IOU)
+    for one in image.objects:
+        overlap = iou(boxes, one.box)[:, 0]
+        scored = is_scored(one)
+        # What can be asked for goes before what is hardly visible, however much a box overlaps that.
+        taken = overlap >= best if scored else (overlap >= metrics.TRUE_IOU) & (classes == 0)
+        classes[taken] = labels.index(one.label) + 1 if scored else _LEFT_OUT
+        if scored:
+            best[taken] = overlap[taken]
+    return classes
