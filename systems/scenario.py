@@ -12,13 +12,13 @@ from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.assets import MODELS, InputError, asset, one_line
 from sum_drake.association import AssociationConfig
 from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
-from sum_drake.objects import Catalogue, load_catalogue
+from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.pouring import PouringConfig
@@ -67,6 +67,8 @@ class Scenario:
     """The cameras by name; the robot looks with `head_camera`."""
     depth_noise: DepthNoiseConfig = dataclasses.field(default_factory=DepthNoiseConfig)
     """What the depth sensor does to the truth."""
+    catalogue: str = ""
+    """File of the catalogue of objects; empty is the package's. A relative path starts at the scenario's file."""
     objects: ObjectsConfig = dataclasses.field(default_factory=ObjectsConfig)
     """What is poured."""
     pouring: PouringConfig = dataclasses.field(default_factory=PouringConfig)
@@ -109,15 +111,15 @@ def load_scenario(
     *,
     seed: int | None = None,
     objects: int | None = None,
-    catalogue: Catalogue,
+    catalogue: Catalogue | None = None,
 ) -> Scenario:
     """The scenario `name` (default: the first) of a file of scenarios, with the fields of `text` (YAML) put over it.
 
-    A scenario of another file goes over the package's first one. A `goal` is not merged with the one below it. `seed`
-    and `objects`, a count, go over all.
+    A scenario of another file goes over the package's first one. A `goal` is not merged with the one below it. `seed`,
+    `objects`, a count, and `catalogue` go over all.
 
     Raises InputError for a file that cannot be read, an unknown name, key, label, region, filter, detector or policy,
-    and for values out of range.
+    a catalogue that cannot be used, and for values of another type or out of range.
     """
     file = SCENARIOS if file is None else file
     scenarios = _yaml_mapping(_read(file), str(file))
@@ -126,17 +128,38 @@ def load_scenario(
     if name not in scenarios:
         raise InputError(f"scenario {name!r}: not in {file}; expected one of {', '.join(map(str, scenarios))}")
     where = f"scenario {name!r} of {file}"
-    defaults = Scenario() if file == SCENARIOS else load_scenario(catalogue=load_catalogue())
+    defaults = Scenario() if file == SCENARIOS else load_scenario()
     scenario = _typed(scenarios[name], where, defaults)
+    scenario.catalogue = _whole_path(scenario.catalogue, file.parent)
     if text is not None:
         scenario = _typed(_yaml_mapping(text, "--scenario-text"), "--scenario-text", scenario)
+        scenario.catalogue = _whole_path(scenario.catalogue, Path())
         where += " with --scenario-text"
     if seed is not None:
         scenario.random_seed = seed
+    if catalogue is None:
+        catalogue = catalogue_of(scenario, where)
+    else:
+        scenario.catalogue = _whole_path(str(catalogue.path), Path())
     if objects is not None:
+        _check_count(objects, "--objects", catalogue)
         scenario.objects = ObjectsConfig(count=objects)
     _validate(scenario, where, catalogue)
     return scenario
+
+
+def catalogue_of(scenario: Scenario, where: str = "scenario") -> Catalogue:
+    """The catalogue that a scenario names. where: names the scenario in errors. Raises InputError."""
+    try:
+        return load_catalogue(Path(scenario.catalogue) if scenario.catalogue else None)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _whole_path(catalogue: str, folder: Path) -> str:
+    """A catalogue's path that holds wherever it is read; "" for the package's own."""
+    path = (folder / asset(catalogue)).resolve()
+    return "" if not catalogue or path == CATALOGUE.resolve() else str(path)
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -159,7 +182,7 @@ def _yaml_mapping(text: str, where: str) -> dict[str, Any]:
 
 
 def _typed(data: Any, where: str, defaults: Scenario) -> Scenario:
-    _check_keys(data, Scenario, where)
+    _check_types(data, Scenario, where)
     if isinstance(data, dict) and "goal" in data:  # a goal is given whole; merged, the old one could not be left out
         defaults = dataclasses.replace(defaults, goal={})
     try:
@@ -169,20 +192,59 @@ def _typed(data: Any, where: str, defaults: Scenario) -> Scenario:
     return scenario
 
 
-def _check_keys(data: Any, schema: Any, where: str) -> None:
-    """Names the first unknown key with its path, which Drake's loader does not."""
-    if typing.get_origin(schema) is dict and isinstance(data, dict):
-        for key, value in data.items():
-            _check_keys(value, typing.get_args(schema)[1], f"{where}: {key}")
-    if not dataclasses.is_dataclass(schema):
-        return
-    if not isinstance(data, dict):
+_SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+
+def _check_types(data: Any, schema: Any, where: str) -> None:
+    """Names the first key that is unknown or of another type with its path, which Drake's loader does not.
+
+    What it does not know (optional fields, variants) is left to that loader.
+    """
+    kind, inner, fields = typing.get_origin(schema) or schema, typing.get_args(schema), _fields(schema)
+    if (fields or kind is dict) and not isinstance(data, dict):
         raise InputError(f"{where}: {data!r}; expected a mapping")
-    fields = {field.name: field.type for field in dataclasses.fields(schema)}
-    for key, value in data.items():
-        if key not in fields:
-            raise InputError(f"{where}: unknown key {key!r}; expected one of {', '.join(fields)}")
-        _check_keys(value, fields[key], f"{where}: {key}")
+    if fields:
+        for key, value in data.items():
+            if key not in fields:
+                raise InputError(f"{where}: unknown key {key!r}; expected one of {', '.join(fields)}")
+            _check_types(value, fields[key], f"{where}: {key}")
+    elif kind is dict:
+        for key, value in data.items():
+            _check_types(value, inner[1], f"{where}: {key}")
+    elif kind is list:
+        if not isinstance(data, list):
+            raise InputError(f"{where} is {data!r}; expected a list")
+        for index, value in enumerate(data):
+            _check_types(value, inner[0], f"{where}: number {index + 1}")
+    elif kind in _SCALARS and not _reads_as(data, kind):
+        raise InputError(f"{where} is {data!r}; expected {_SCALARS[kind]}")
+
+
+def _fields(schema: Any) -> dict[str, Any]:
+    """Types of a record's fields by name, whether it is a dataclass or one of Drake's; empty for what is no record."""
+    if dataclasses.is_dataclass(schema):
+        return {field.name: field.type for field in dataclasses.fields(schema)}
+    return {field.name: field.type for field in getattr(schema, "__fields__", ())}
+
+
+def _reads_as(value: Any, kind: Any) -> bool:
+    """Whether Drake's loader takes a YAML value for a bool, int, float or str."""
+    if isinstance(value, bool):
+        return kind is bool
+    if isinstance(value, str) and kind in (int, float):  # to YAML 1e-3 is text
+        try:
+            kind(value)
+        except ValueError:
+            return False
+        return True
+    return isinstance(value, int | float if kind is float else kind)
+
+
+def _check_count(count: int, where: str, catalogue: Catalogue) -> None:
+    most = min(MAX_OBJECTS, len(catalogue))
+    if not 1 <= count <= most:
+        why = f", as many as {catalogue.path} has" if most == len(catalogue) else ""
+        raise InputError(f"{where}: {count} objects; expected 1 to {most}{why}")
 
 
 def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
@@ -191,9 +253,7 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
             raise InputError(f"{where}: {what}; expected {expected}")
 
     _check_numbers(scenario, where)
-    count = len(scenario.objects.labels) or scenario.objects.count
-    most = min(MAX_OBJECTS, len(catalogue.labels))
-    expect(1 <= count <= most, f"{count} objects", f"1 to {most}")
+    _check_count(len(scenario.objects.labels) or scenario.objects.count, where, catalogue)
     for label in scenario.objects.labels:
         expect(label in catalogue.labels, f"object label {label!r}", f"one of {', '.join(catalogue.labels)}")
     expect(len(set(scenario.objects.labels)) == len(scenario.objects.labels), "a label twice", "distinct labels")
