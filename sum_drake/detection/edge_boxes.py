@@ -1,0 +1,541 @@
+"""Edge Boxes: a box is a good proposal when many contours lie wholly inside it (Zitnick and Dollár, ECCV 2014).
+
+Edge pixels are joined to groups of little bend. Two near groups are akin when one continues the other. A box is scored
+by the edges of its groups, less those that hang together with what crosses its border, less its middle. All boxes of a
+grid over position, scale and aspect ratio are scored, the good ones refined, the overlapping ones suppressed.
+
+The loops are compiled with numba; the machine code is kept, so that only the first use on a machine takes seconds.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from sum_drake.assets import InputError
+from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
+from sum_drake.detection.proposals import Proposals, make_proposals
+from sum_drake.types import Immutable
+
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclasses.dataclass
+class EdgeBoxesConfig:
+    """Parameters of the search, in the paper's symbols. Its variant for IoU .7 (its section 4) is the default."""
+
+    alpha: float = 0.65
+    """IoU of neighbouring windows of the grid: its step in position, scale and aspect ratio."""
+    beta: float = 0.75
+    """IoU over which the worse of two boxes is suppressed."""
+    eta: float = 1.0
+    """Factor on beta after each box kept, down to .5. 1, as published, leaves beta alone."""
+    gamma: float = 2.0
+    """Exponent of the affinity of two groups (eq. 1)."""
+    kappa: float = 1.5
+    """Exponent of the box's size in its score (eq. 3); larger favours smaller boxes."""
+    min_score: float = 0.01
+    """Boxes that score less are dropped."""
+    max_boxes: int = 1000
+    """The most boxes returned."""
+    min_box_area: float = 1000.0
+    """Area of the smallest windows, pixels of the edge map."""
+    max_aspect_ratio: float = 3.0
+    """Of the windows, either way."""
+    edge_min_magnitude: float = 0.1
+    """Edge pixels of less are ignored."""
+    group_bend: float = 0.5
+    """A group ends where its orientations have turned by this in sum, in units of pi."""
+    group_min_magnitude: float = 0.5
+    """Groups whose magnitudes sum to less are given to their neighbours."""
+
+    def __post_init__(self) -> None:
+        for name in ("alpha", "beta", "eta"):
+            if not 0 < getattr(self, name) <= 1 or (name == "alpha" and self.alpha == 1):
+                raise InputError(f"edge boxes: {name} is {getattr(self, name)}, expected a number between 0 and 1")
+        if not self.max_boxes >= 1:
+            raise InputError(f"edge boxes: max_boxes is {self.max_boxes}, expected at least 1")
+        if not self.min_box_area >= 16:
+            raise InputError(f"edge boxes: min_box_area is {self.min_box_area}, expected at least 16 pixels")
+        if not self.max_aspect_ratio >= 1:
+            raise InputError(f"edge boxes: max_aspect_ratio is {self.max_aspect_ratio}, expected at least 1")
+        for name in ("gamma", "kappa", "min_score", "edge_min_magnitude", "group_bend", "group_min_magnitude"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"edge boxes: {name} is {getattr(self, name)}, expected a number >= 0")
+
+
+@dataclasses.dataclass(frozen=True)
+class EdgeBoxes(Immutable):
+    """The proposer: edges of colour and, where there is one, depth; then their boxes."""
+
+    edges: EdgesConfig = dataclasses.field(default_factory=EdgesConfig)
+    search: EdgeBoxesConfig = dataclasses.field(default_factory=EdgeBoxesConfig)
+
+    def __call__(self, color: NDArray[np.uint8], depth: NDArray[np.float32] | None = None) -> Proposals:
+        """Boxes of color (h, w, 3), RGB, and depth (h, w), metres, 0 where it is missing. See `find_edges`."""
+        return edge_boxes(find_edges(color, depth, self.edges), self.search)
+
+
+def edge_boxes(edges: Edges, config: EdgeBoxesConfig) -> Proposals:
+    """Proposals of an edge map, in pixels of the picture that it was made from."""
+    groups = group_edges(
+        edges.magnitude, edges.orientation, config.edge_min_magnitude, config.group_bend, config.group_min_magnitude
+    )
+    least = config.min_box_area * edges.scale**2
+    windows = _windows(*edges.magnitude.shape, config.alpha, least, config.max_aspect_ratio)
+    index = _index(edges.magnitude, groups, _affinities(groups, config.gamma), config.edge_min_magnitude, config.kappa)
+    boxes, scores = _search(windows, index, config.alpha, config.min_score)
+    order = np.argsort(-scores, kind="stable")
+    kept = order[_suppress(boxes[order], config.beta, config.eta, config.max_boxes)]
+    # The border of a scored box crosses no contour: what it holds begins a pixel inside, and ends before its last one.
+    inner = boxes[kept] + np.array([1, 1, -1, -1])
+    return make_proposals(inner / edges.scale, scores[kept])
+
+
+def compiled(function: F) -> F:
+    """The function as machine code, kept on disk where there is a place to keep it."""
+    try:
+        return cast(F, numba.njit(cache=True)(function))
+    except RuntimeError:  # neither the package's folder nor the user's can be written
+        return cast(F, numba.njit(function))
+
+
+class Groups(NamedTuple):
+    """Edge groups (section 3.1), numbered from 1. Entry 0 of the arrays is nobody's."""
+
+    ids: Ints
+    """(h, w): the pixel's group; 0 or less: none."""
+    magnitude: Floats
+    """(n + 1,): sum over the group."""
+    x: Floats
+    """(n + 1,): mean position, weighted by magnitude."""
+    y: Floats
+    orientation: Floats
+    """(n + 1,): mean direction of the gradient, radians."""
+
+
+@compiled
+def _turn(a: float, b: float) -> float:
+    """Between two orientations, which are equal up to half a turn: 0 to .5, in units of pi."""
+    turn = abs(a - b) / np.pi % 1.0
+    return min(turn, 1.0 - turn)
+
+
+@compiled
+def group_edges(magnitude: Floats, orientation: Floats, least: float, bend: float, group_least: float) -> Groups:
+    """Joins 8-connected edge pixels, always the one that turns least, until the turns sum to `bend`.
+
+    magnitude, orientation: (h, w). Pixels up to `least` and the picture's rim belong to no group. What a group of up to
+    `group_least` in sum held goes to the neighbouring groups of nearest orientation.
+    """
+    h, w = magnitude.shape
+    ids = np.full((h, w), -1, np.int32)
+    for y in range(1, h - 1):
+        for x in range(1, w - 1):
+            if magnitude[y, x] > least:
+                ids[y, x] = 0
+
+    # Candidates of the group that grows: its pixels' neighbours, and how far each turns from the pixel that found it.
+    xs, ys, turns = np.empty(h * w, np.int32), np.empty(h * w, np.int32), np.empty(h * w, np.float32)
+    found_by = np.zeros((h, w), np.int32)
+    count = 0
+    for x_first in range(1, w - 1):
+        for y_first in range(1, h - 1):
+            if ids[y_first, x_first] != 0:
+                continue
+            count += 1
+            x, y, total, n = x_first, y_first, 0.0, 0
+            while total < bend:
+                ids[y, x] = count
+                for u in range(x - 1, x + 2):
+                    for v in range(y - 1, y + 2):
+                        if ids[v, u] == 0 and found_by[v, u] != count:
+                            found_by[v, u] = count
+                            xs[n], ys[n], turns[n] = u, v, _turn(orientation[v, u], orientation[y, x])
+                            n += 1
+                if n == 0:
+                    break
+                best = np.argmin(turns[:n])
+                x, y = xs[best], ys[best]
+                total += turns[best]
+                turns[best] = np.inf  # taken; where all are, so is the sum
+
+    ids = _give_away_small(ids, magnitude, orientation, count, group_least)
+    return _describe(ids, magnitude, orientation, count)
+
+
+@compiled
+def _give_away_small(ids: Ints, magnitude: Floats, orientation: Floats, count: int, least: float) -> Ints:
+    h, w = ids.shape
+    sums = np.zeros(count + 1, np.float32)
+    for x in range(1, w - 1):
+        for y in range(1, h - 1):
+            if ids[y, x] > 0:
+                sums[ids[y, x]] += magnitude[y, x]
+    free_x, free_y = np.empty(h * w, np.int32), np.empty(h * w, np.int32)
+    n = 0
+    for x in range(1, w - 1):
+        for y in range(1, h - 1):
+            if ids[y, x] > 0 and sums[ids[y, x]] <= least:
+                ids[y, x] = 0
+                free_x[n], free_y[n] = x, y
+                n += 1
+    while True:
+        left = 0
+        for i in range(n):
+            x, y = free_x[i], free_y[i]
+            nearest, group = 1.0, 0
+            for u in range(x - 1, x + 2):
+                for v in range(y - 1, y + 2):
+                    if ids[v, u] > 0:
+                        turn = _turn(orientation[v, u], orientation[y, x])
+                        if turn < nearest:
+                            nearest, group = turn, ids[v, u]
+            if group:
+                ids[y, x] = group
+            else:
+                free_x[left], free_y[left] = x, y
+                left += 1
+        if left == n:
+            return ids
+        n = left
+
+
+@compiled
+def _describe(ids: Ints, magnitude: Floats, orientation: Floats, count: int) -> Groups:
+    h, w = ids.shape
+    number = np.zeros(count + 1, np.int32)
+    for y in range(h):
+        for x in range(w):
+            if ids[y, x] > 0:
+                number[ids[y, x]] = 1
+    n = 0
+    for i in range(count + 1):
+        if number[i]:
+            n += 1
+            number[i] = n
+    sums, xs, ys = np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32)
+    cosines, sines = np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32)
+    for y in range(h):
+        for x in range(w):
+            if ids[y, x] > 0:
+                i = ids[y, x] = number[ids[y, x]]
+                m = magnitude[y, x]
+                sums[i] += m
+                xs[i] += m * x
+                ys[i] += m * y
+                cosines[i] += m * np.cos(2 * orientation[y, x])
+                sines[i] += m * np.sin(2 * orientation[y, x])
+    sums_or_1 = np.where(sums > 0, sums, np.float32(1))
+    return Groups(ids, sums, xs / sums_or_1, ys / sums_or_1, np.arctan2(sines, cosines) / np.float32(2))
+
+
+class Affinities(NamedTuple):
+    """Who is akin to whom, as compressed rows: group i's are at start[i] to start[i + 1]."""
+
+    start: Ints
+    """(n + 2,)."""
+    group: Ints
+    value: Floats
+
+
+NEAR = 2
+"""Pixels, along each axis: groups that come so near each other may be akin."""
+LEAST_AFFINITY = 0.05
+"""Weaker ties, and weaker chains of them, count as none (section 3.2)."""
+
+
+@compiled
+def _affinities(groups: Groups, gamma: float) -> Affinities:
+    """|cos(o_i - o_ij) cos(o_j - o_ij)|^gamma of groups near each other (eq. 1)."""
+    ids = groups.ids
+    h, w = ids.shape
+    n = len(groups.magnitude)
+    pairs = np.empty(h * w, np.int64)
+    m = 0
+    for y in range(NEAR, h - NEAR):
+        for x in range(NEAR, w - NEAR):
+            a = ids[y, x]
+            if a <= 0:
+                continue
+            last = 0
+            for v in range(y - NEAR, y + NEAR + 1):
+                for u in range(x - NEAR, x + NEAR + 1):
+                    b = ids[v, u]
+                    if b > a and b != last:
+                        if m == len(pairs):
+                            pairs = np.concatenate((pairs, np.empty(m, np.int64)))
+                        pairs[m] = np.int64(a) * n + b
+                        m += 1
+                        last = b
+    pairs = np.unique(pairs[:m])
+
+    values = np.empty(len(pairs), np.float32)
+    start = np.zeros(n + 1, np.int32)
+    for k in range(len(pairs)):
+        a, b = pairs[k] // n, pairs[k] % n
+        # Orientations are gradients', so across a contour that runs from one mean to the other.
+        across = np.arctan2(groups.y[a] - groups.y[b], groups.x[a] - groups.x[b]) + np.pi / 2
+        tie = abs(np.cos(groups.orientation[a] - across) * np.cos(groups.orientation[b] - across)) ** gamma
+        values[k] = tie
+        if tie >= LEAST_AFFINITY:
+            start[a + 1] += 1
+            start[b + 1] += 1
+    start = np.cumsum(start).astype(np.int32)
+    end = start[:-1].copy()
+    group, value = np.empty(start[-1], np.int32), np.empty(start[-1], np.float32)
+    for k in range(len(pairs)):
+        a, b = pairs[k] // n, pairs[k] % n
+        if values[k] >= LEAST_AFFINITY:
+            for i, j in ((a, b), (b, a)):
+                group[end[i]], value[end[i]] = j, values[k]
+                end[i] += 1
+    return Affinities(start, group, value)
+
+
+class _Index(NamedTuple):
+    """What makes the score of a box quick (section 3.3)."""
+
+    group_sums: NDArray[np.float64]
+    """(h + 1, w + 1): integral image of the groups' magnitudes, each at one pixel of its group."""
+    pixel_sums: NDArray[np.float64]
+    """(h + 1, w + 1): integral image of the edge pixels' magnitudes."""
+    magnitude: Floats
+    """(n,): of the groups."""
+    x: Ints
+    """(n,): the pixel at which the group stands in `group_sums`."""
+    y: Ints
+    row_run: Ints
+    """(h, w): number of the run of one id, along its row, that the pixel lies in ..."""
+    row_group: Ints
+    """... and that run's id."""
+    column_run: Ints
+    """(w, h): the same along columns."""
+    column_group: Ints
+    affinities: Affinities
+    size_factor: Floats
+    """(h + w,): 1 / (b_w + b_h)^kappa by b_w + b_h."""
+    chain: Floats
+    """(n,), scratch: strength of the strongest chain that ties the i-th group reached to the box's border."""
+    reached: Ints
+    """(n,), scratch: the groups reached."""
+    place: Ints
+    """(n,), scratch: the group's place in `reached` ..."""
+    stamp: NDArray[np.int64]
+    """... if this is the number, at [n], of the box being scored."""
+
+
+@compiled
+def _index(magnitude: Floats, groups: Groups, affinities: Affinities, least: float, kappa: float) -> _Index:
+    ids = groups.ids
+    h, w = ids.shape
+    n = len(groups.magnitude)
+    xs, ys = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    for x in range(w):
+        for y in range(h):
+            if ids[y, x] > 0:
+                xs[ids[y, x]], ys[ids[y, x]] = x, y
+    at = np.zeros((h, w), np.float32)
+    for i in range(1, n):
+        at[ys[i], xs[i]] = groups.magnitude[i]
+    group_sums, pixel_sums = np.zeros((h + 1, w + 1)), np.zeros((h + 1, w + 1))
+    for y in range(h):
+        group_row = pixel_row = 0.0
+        for x in range(w):
+            group_row += at[y, x]
+            pixel_row += magnitude[y, x] if magnitude[y, x] > least else 0.0
+            group_sums[y + 1, x + 1] = group_sums[y, x + 1] + group_row
+            pixel_sums[y + 1, x + 1] = pixel_sums[y, x + 1] + pixel_row
+    row_run, row_group = _runs(ids)
+    column_run, column_group = _runs(np.ascontiguousarray(ids.T))
+    size_factor = np.ones(h + w, np.float32)
+    for i in range(1, h + w):
+        size_factor[i] = (1.0 / i) ** kappa
+    return _Index(
+        group_sums, pixel_sums, groups.magnitude, xs, ys, row_run, row_group, column_run, column_group, affinities,
+        size_factor, np.zeros(n, np.float32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n + 1, np.int64),
+    )  # fmt: skip
+
+
+@compiled
+def _runs(ids: Ints) -> tuple[Ints, Ints]:
+    """Numbers the runs of equal ids along each row: (h, w) -> the pixel's run (h, w), the run's id."""
+    h, w = ids.shape
+    run, group = np.empty((h, w), np.int32), np.empty(h * w, np.int32)
+    n = 0
+    for y in range(h):
+        for x in range(w):
+            if x == 0 or ids[y, x] != ids[y, x - 1]:
+                group[n] = ids[y, x]
+                n += 1
+            run[y, x] = n - 1
+    return run, group[:n].copy()
+
+
+@compiled
+def _sum(integral: NDArray[np.float64], x0: int, y0: int, x1: int, y1: int) -> float:
+    """Sum over the pixels x0 to x1, y0 to y1, all included."""
+    return integral[y1 + 1, x1 + 1] - integral[y0, x1 + 1] - integral[y1 + 1, x0] + integral[y0, x0]
+
+
+@compiled
+def _reach_runs(index: _Index, group: Ints, first: int, last: int, n: int) -> int:
+    """Puts the groups of runs on the box's border, tied with strength 1, where not yet reached; how many there are."""
+    number = index.stamp[-1]
+    for run in range(first, last + 1):
+        j = group[run]
+        if j > 0 and index.stamp[j] != number:
+            index.reached[n], index.chain[n], index.stamp[j], index.place[j] = j, 1.0, number, n
+            n += 1
+    return n
+
+
+@compiled
+def _score(index: _Index, x0: int, y0: int, x1: int, y1: int, least: float) -> float:
+    """h_in of the box whose border runs through the pixels x0, y0, x1, y1 (eq. 2 to 4); 0 where it is below `least`."""
+    b_w, b_h = (x1 - x0) // 2, (y1 - y0) // 2
+    factor = index.size_factor[b_w + b_h]
+    x_in, y_in = x0 + b_w // 2, y0 + b_h // 2
+    score = _sum(index.group_sums, x0, y0, x1, y1) - _sum(index.pixel_sums, x_in, y_in, x_in + b_w, y_in + b_h)
+    # What follows only takes away.
+    if score * factor < least:
+        return 0.0
+
+    index.stamp[-1] += 1
+    number = index.stamp[-1]
+    n = _reach_runs(index, index.row_group, index.row_run[y0, x0], index.row_run[y0, x1], 0)
+    n = _reach_runs(index, index.row_group, index.row_run[y1, x0], index.row_run[y1, x1], n)
+    n = _reach_runs(index, index.column_group, index.column_run[x0, y0], index.column_run[x0, y1], n)
+    n = _reach_runs(index, index.column_group, index.column_run[x1, y0], index.column_run[x1, y1], n)
+    # w_b of a group is 1 less the strength of the strongest chain of affinities to a group on the border (eq. 4).
+    i = 0
+    while i < n:
+        j = index.reached[i]
+        again = n
+        for k in range(index.affinities.start[j], index.affinities.start[j + 1]):
+            strength = index.chain[i] * index.affinities.value[k]
+            if strength < LEAST_AFFINITY:
+                continue
+            q = index.affinities.group[k]
+            if index.stamp[q] == number:
+                if strength > index.chain[index.place[q]]:
+                    index.chain[index.place[q]] = strength
+                    again = min(again, index.place[q])
+            elif x0 <= index.x[q] <= x1 and y0 <= index.y[q] <= y1:
+                index.reached[n], index.chain[n], index.stamp[q], index.place[q] = q, strength, number, n
+                n += 1
+        # A stronger chain to a group already followed is followed again.
+        i = min(i + 1, again)
+    for i in range(n):
+        j = index.reached[i]
+        if x0 <= index.x[j] <= x1 and y0 <= index.y[j] <= y1:
+            score -= index.chain[i] * index.magnitude[j]
+    score *= factor
+    return score if score >= least else 0.0
+
+
+@compiled
+def _windows(h: int, w: int, alpha: float, min_area: float, max_aspect: float) -> Ints:
+    """The grid (n, 4) of x, y, w, h over position, scale and aspect ratio: neighbours overlap by IoU alpha (3.4)."""
+    scale_step, aspect_step = np.sqrt(1 / alpha), (1 + alpha) / (2 * alpha)
+    shift = (1 - alpha) / (1 + alpha)
+    least = np.sqrt(min_area)
+    scales = max(1, int(np.ceil(np.log(max(w, h) / least) / np.log(scale_step))))
+    aspects = int(np.log(max_aspect) / np.log(aspect_step**2))
+    windows = np.empty((1024, 4), np.int32)
+    n = 0
+    for s in range(scales):
+        for a in range(-aspects, aspects + 1):
+            b_w = int(least * scale_step**s * aspect_step**a)
+            b_h = int(least * scale_step**s / aspect_step**a)
+            step_x, step_y = max(2, int(b_w * shift)), max(2, int(b_h * shift))
+            # One step beyond the border, where the window is cut: nothing next to it is passed by.
+            for x in range(0, w - b_w + step_x, step_x):
+                for y in range(0, h - b_h + step_y, step_y):
+                    if n == len(windows):
+                        windows = np.concatenate((windows, np.empty((n, 4), np.int32)))
+                    windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3] = x, y, b_w, b_h
+                    n += 1
+    return windows[:n].copy()
+
+
+@compiled
+def _search(windows: Ints, index: _Index, alpha: float, least: float) -> tuple[Ints, Floats]:
+    """Scores windows (n, 4), refines those that score, and returns these (m, 4) with their scores (m,)."""
+    h, w = index.row_run.shape
+    shift = (1 - alpha) / (1 + alpha)
+    boxes, scores = np.empty((len(windows), 4), np.int32), np.empty(len(windows), np.float32)
+    m = 0
+    edges = np.empty(4, np.int64)
+    for i in range(len(windows)):
+        x, y, b_w, b_h = windows[i, 0], windows[i, 1], windows[i, 2], windows[i, 3]
+        edges[0], edges[1] = min(x, w - 1), min(y, h - 1)
+        edges[2], edges[3] = min(x + b_w, w - 1), min(y + b_h, h - 1)
+        score = _score(index, edges[0], edges[1], edges[2], edges[3], least)
+        if score > 0:
+            score = _refine(index, edges, score, shift, least)
+            boxes[m, 0], boxes[m, 1] = edges[0], edges[1]
+            boxes[m, 2], boxes[m, 3] = edges[2] - edges[0], edges[3] - edges[1]
+            scores[m] = score
+            m += 1
+    return boxes[:m].copy(), scores[:m].copy()
+
+
+@compiled
+def _refine(index: _Index, edges: NDArray[np.int64], score: float, shift: float, least: float) -> float:
+    """Moves each border, first outwards, else inwards, where that scores more; halves the step down to 2 pixels (3.4).
+
+    edges: (4,) x0, y0, x1, y1, changed in place. Returns the new score.
+    """
+    h, w = index.row_run.shape
+    step_x, step_y = int((edges[2] - edges[0]) * shift) // 2, int((edges[3] - edges[1]) * shift) // 2
+    tried = np.empty(4, np.int64)
+    while step_x > 2 or step_y > 2:
+        for side in (1, 3, 0, 2):
+            step = max(1, step_x if side % 2 == 0 else step_y)
+            outwards = -step if side < 2 else step
+            for move in (outwards, -outwards):
+                tried[:] = edges
+                tried[side] = min(max(tried[side] + move, 0), (h if side % 2 else w) - 1)
+                if tried[0] >= tried[2] or tried[1] >= tried[3]:
+                    continue
+                tried_score = _score(index, tried[0], tried[1], tried[2], tried[3], least)
+                if tried_score > score:
+                    edges[side], score = tried[side], tried_score
+                    break
+        step_x, step_y = step_x // 2, step_y // 2
+    return score
+
+
+@compiled
+def _suppress(boxes: Ints, beta: float, eta: float, most: int) -> NDArray[np.int64]:
+    """Indices of the boxes (n, 4), best first, that overlap none kept before by more than beta; at most `most`."""
+    kept = np.empty(min(most, len(boxes)), np.int64)
+    n = 0
+    for i in range(len(boxes)):
+        if n == len(kept):
+            break
+        x0, y0, w0, h0 = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3]
+        area = w0 * h0
+        keep = True
+        for k in range(n):
+            j = kept[k]
+            x, y, w, h = boxes[j, 0], boxes[j, 1], boxes[j, 2], boxes[j, 3]
+            width = min(x0 + w0, x + w) - max(x0, x)
+            height = min(y0 + h0, y + h) - max(y0, y)
+            if width > 0 and height > 0:
+                common = width * height
+                if common > beta * (area + w * h - common):
+                    keep = False
+                    break
+        if keep:
+            kept[n] = i
+            n += 1
+            if beta > 0.5:
+                beta *= eta
+    return kept[:n].copy()
