@@ -15,19 +15,23 @@ from pydrake.systems.framework import DiagramBuilder
 from sum_drake.assets import MODELS, InputError, asset, one_line
 from sum_drake.association import AssociationConfig
 from sum_drake.belief import AcceptanceConfig
+from sum_drake.detection import weights
+from sum_drake.detection.inference import LEARNED
+from sum_drake.detection.proposals import PROPOSERS
 from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.picking import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
+from sum_drake.systems.object_detector import ObjectDetectorConfig
 from sum_drake.systems.pouring import PouringConfig
 from sum_drake.task import POLICIES, TaskConfig
 from sum_drake.types import LEAVE, Region, readonly
 from sum_drake.yamlio import parse_yaml
 
 SCENARIOS = MODELS / "scenarios" / "sorting.yaml"
-DETECTORS = ("SimulatedDetector",)
+DETECTORS = ("ObjectDetector", "SimulatedDetector")
 MAX_OBJECTS = 15
 
 
@@ -74,7 +78,9 @@ class Scenario:
     pouring: PouringConfig = dataclasses.field(default_factory=PouringConfig)
     """How it is poured."""
     detector: str = "SimulatedDetector"
-    """Which detector looks at the pictures."""
+    """Which detector looks at the pictures: ObjectDetector, or SimulatedDetector, which reads the label image."""
+    object_detector: ObjectDetectorConfig = dataclasses.field(default_factory=ObjectDetectorConfig)
+    """Weights and threshold of ObjectDetector."""
     simulated_detector: SimulatedDetectorConfig = dataclasses.field(default_factory=SimulatedDetectorConfig)
     """Error rates of SimulatedDetector."""
     sigma_c: float = 0.1
@@ -130,17 +136,17 @@ def load_scenario(
     where = f"scenario {name!r} of {file}"
     defaults = Scenario() if file == SCENARIOS else load_scenario()
     scenario = _typed(scenarios[name], where, defaults)
-    scenario.catalogue = _whole_path(scenario.catalogue, file.parent)
+    _make_paths_whole(scenario, file.parent)
     if text is not None:
         scenario = _typed(_yaml_mapping(text, "--scenario-text"), "--scenario-text", scenario)
-        scenario.catalogue = _whole_path(scenario.catalogue, Path())
+        _make_paths_whole(scenario, Path())
         where += " with --scenario-text"
     if seed is not None:
         scenario.random_seed = seed
     if catalogue is None:
         catalogue = catalogue_of(scenario, where)
     else:
-        scenario.catalogue = _whole_path(str(catalogue.path), Path())
+        scenario.catalogue = _whole_path(str(catalogue.path), Path(), CATALOGUE)
     if objects is not None:
         _check_count(objects, "--objects", catalogue)
         scenario.objects = ObjectsConfig(count=objects)
@@ -156,10 +162,17 @@ def catalogue_of(scenario: Scenario, where: str = "scenario") -> Catalogue:
         raise InputError(f"{where}: {error}") from error
 
 
-def _whole_path(catalogue: str, folder: Path) -> str:
-    """A catalogue's path that holds wherever it is read; "" for the package's own."""
-    path = (folder / asset(catalogue)).resolve()
-    return "" if not catalogue or path == CATALOGUE.resolve() else str(path)
+def _make_paths_whole(scenario: Scenario, folder: Path) -> None:
+    """Makes the paths that a scenario names hold wherever it is read. folder: where relative ones start."""
+    scenario.catalogue = _whole_path(scenario.catalogue, folder, CATALOGUE)
+    detector = scenario.object_detector
+    detector.weights = _whole_path(detector.weights, folder, weights.DEFAULT)
+
+
+def _whole_path(path: str, folder: Path, default: Path) -> str:
+    """A path that holds wherever it is read; "" for the package's own file."""
+    whole = (folder / asset(path)).resolve()
+    return "" if not path or whole == default.resolve() else str(whole)
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -259,6 +272,8 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
     expect(len(set(scenario.objects.labels)) == len(scenario.objects.labels), "a label twice", "distinct labels")
     expect(scenario.filter in FILTERS, f"filter {scenario.filter!r}", f"one of {', '.join(FILTERS)}")
     expect(scenario.detector in DETECTORS, f"detector {scenario.detector!r}", f"one of {', '.join(DETECTORS)}")
+    proposers, proposer = (LEARNED, *PROPOSERS), scenario.object_detector.proposer
+    expect(proposer in proposers, f"proposer {proposer!r}", f"one of {', '.join(proposers)}")
     expect(scenario.task.policy in POLICIES, f"policy {scenario.task.policy!r}", f"one of {', '.join(POLICIES)}")
     expect(0.0 < scenario.sigma_c < 1.0, f"sigma_c {scenario.sigma_c}", "a number between 0 and 1")
     expect(scenario.random_seed >= 0, f"random_seed {scenario.random_seed}", "0 or more")

@@ -1,8 +1,10 @@
 """The sorting diagram: station, perception, planner, controller, log and referee, wired together."""
 
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -20,6 +22,7 @@ from sum_drake.sensor import make_camera
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
+from sum_drake.systems.object_detector import Detect, ObjectDetector
 from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import Referee
 from sum_drake.systems.run_log import RunLog
@@ -33,6 +36,7 @@ from sum_drake.types import (
     Array,
     Associations,
     Attempt,
+    Detection,
     Detections,
     Frame,
     Motion,
@@ -107,7 +111,32 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
     return decide, retreat
 
 
-def _simulated_detector(scenario: Scenario, catalogue: Catalogue, station: Diagram) -> SimulatedDetector:
+def bind_detector(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> Detect:
+    """The trained detector of the catalogue's labels. Raises InputError for weights that cannot be used."""
+    # Loads torch, which who simulates the detections does without.
+    from sum_drake.detection.inference import load_detector
+
+    config = scenario.object_detector
+    detector = load_detector(
+        Path(config.weights) if config.weights else None,
+        labels=catalogue.labels,
+        proposer=config.proposer,
+        sigma_c=scenario.sigma_c,
+        threshold=config.threshold,
+    )
+
+    def detect(color: NDArray[np.uint8], depth: NDArray[np.float32]) -> tuple[Detection, ...]:
+        with costs.of("perception"):
+            return detector(color, depth)
+
+    return detect
+
+
+def _object_detector(scenario: Scenario, catalogue: Catalogue, station: Diagram, costs: Costs) -> ObjectDetector:
+    return ObjectDetector(detect=bind_detector(scenario, catalogue, costs))
+
+
+def _simulated_detector(scenario: Scenario, catalogue: Catalogue, station: Diagram, costs: Costs) -> SimulatedDetector:
     return SimulatedDetector(
         objects=object_render_labels(station),
         labels=catalogue.labels,
@@ -117,7 +146,7 @@ def _simulated_detector(scenario: Scenario, catalogue: Catalogue, station: Diagr
     )
 
 
-DETECTORS = {"SimulatedDetector": _simulated_detector}
+DETECTORS = {"ObjectDetector": _object_detector, "SimulatedDetector": _simulated_detector}
 """Makes the system that a scenario names as its detector."""
 
 
@@ -151,7 +180,9 @@ def make_sorting(
     frames = builder.AddNamedSystem(
         "frame_assembler", FrameAssembler(camera=make_camera(scenario.cameras["head_camera"]))
     )
-    detector = builder.AddNamedSystem("object_detector", DETECTORS[scenario.detector](scenario, catalogue, station))
+    detector = builder.AddNamedSystem(
+        "object_detector", DETECTORS[scenario.detector](scenario, catalogue, station, costs)
+    )
     associator = builder.AddNamedSystem("data_associator", DataAssociator(config=scenario.association))
     estimator = builder.AddNamedSystem(
         "scene_estimator", SceneEstimator(update_belief=bind_perception(scenario, catalogue, costs), period=POLL)
@@ -179,7 +210,8 @@ def make_sorting(
     connect(station, "head_camera.X_WC", frames, "X_WC")
     connect(planner, "observe", frames)
     connect(frames, "frame", detector)
-    connect(station, "head_camera.label_image", detector, "label_image")
+    if isinstance(detector, SimulatedDetector):
+        connect(station, "head_camera.label_image", detector, "label_image")
     connect(detector, "detections", associator)
     connect(estimator, "scene_belief", associator)
     connect(planner, "observe", estimator)

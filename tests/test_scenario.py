@@ -40,6 +40,21 @@ def test_the_resolved_scenario_reads_back_as_itself(catalogue, tmp_path):
     assert again.objects.labels == ["mug", "tide"]
 
 
+def test_a_detectors_weights_are_named_by_a_path_that_holds_anywhere(catalogue, tmp_path, monkeypatch):
+    file = tmp_path / "mine.yaml"
+    file.write_text("mine: {detector: ObjectDetector, object_detector: {weights: w.safetensors, threshold: 0.4}}")
+    scenario = load_scenario(file, catalogue=catalogue)
+    assert scenario.object_detector.weights == str(tmp_path / "w.safetensors")
+    assert scenario.object_detector.threshold == 0.4
+    monkeypatch.chdir(tmp_path)
+    given = load_scenario(text="{object_detector: {weights: w.safetensors}}", catalogue=catalogue)
+    assert given.object_detector.weights == scenario.object_detector.weights
+    assert load_scenario(catalogue=catalogue).object_detector.weights == "", "the package's own"
+    (tmp_path / "resolved.yaml").write_text(dump_scenario(scenario))
+    again = load_scenario(tmp_path / "resolved.yaml", catalogue=catalogue)
+    assert dump_scenario(again) == dump_scenario(scenario)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -53,7 +68,9 @@ def test_the_resolved_scenario_reads_back_as_itself(catalogue, tmp_path):
         ("{random_seed: -1}", ["random_seed -1"]),
         ("{random_seed: many}", ["random_seed is 'many'", "whole number"]),
         ("{filter: kalman}", ["filter 'kalman'", "paper"]),
-        ("{detector: Oracle}", ["detector 'Oracle'", "SimulatedDetector"]),
+        ("{detector: Oracle}", ["detector 'Oracle'", "ObjectDetector", "SimulatedDetector"]),
+        ("{object_detector: {proposer: luck}}", ["proposer 'luck'", "edge_boxes"]),
+        ("{object_detector: {threshold: 2}}", ["object_detector: threshold", "from 0 to 1"]),
         ("{task: {policy: luck}}", ["policy 'luck'", "most_likely"]),
         ("{goal: {cleaning: moon}}", ["'moon'", "cleaning_bin"]),
         ("{goal: {vegetables: leave}}", ["'vegetables'", "cleaning"]),

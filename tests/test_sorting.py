@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+from detectors import write_untrained
 from pydrake.common.value import Value
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
@@ -15,10 +16,12 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPortIndex, LeafSystem, OutputPortIndex, System
 from scenes import standing
 
+from sum_drake.assets import InputError
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.summary_schema import validate_summary
 from sum_drake.systems.episode import run
+from sum_drake.systems.object_detector import ObjectDetector
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.scenario import load_scenario
 from sum_drake.systems.sorting import make_sorting, pour_scene
@@ -146,6 +149,37 @@ def test_truth_reaches_the_referee_and_nobody_else(diagram, X_WOs):
     assert ("station", "truth.body_poses") in {(s.get_name(), port) for s, port in sources(diagram, referee)}
     assert referee.num_output_ports() == 0
     assert diagram.num_output_ports() == 0
+
+
+def test_the_trained_detector_is_given_the_frame_and_nothing_else(catalogue, X_WOs, tmp_path):
+    weights = write_untrained(tmp_path / "detector.safetensors", catalogue.labels)
+    text = f"{{detector: ObjectDetector, object_detector: {{weights: {weights}}}}}"
+    diagram = make_sorting(load_scenario(text=text, catalogue=catalogue), X_WOs, catalogue)
+    detector, station = diagram.GetSubsystemByName("object_detector"), diagram.GetSubsystemByName("station")
+    assert isinstance(detector, ObjectDetector)
+    assert [(source.get_name(), port) for source, port in sources(diagram, detector)] == [("frame_assembler", "frame")]
+    assert leaks(diagram, X_WOs) == []
+    read = {
+        origin(station, port)
+        for system in diagram.GetSystems()
+        for source, port in sources(diagram, system)
+        if source.get_name() == "station"
+    }
+    assert LABEL_IMAGE not in read, "nobody reads the simulator's labels"
+    simulator = Simulator(diagram)
+    simulator.Initialize()
+    found = detector.GetOutputPort("detections").Eval(detector.GetMyContextFromRoot(simulator.get_context()))
+    assert len(found.boxes) > 0, "an untrained network sees things"
+    assert {label for box in found.boxes for label, _ in box.p_labels} <= set(catalogue.labels)
+
+
+def test_weights_that_cannot_be_used_are_named_before_anything_runs(catalogue, X_WOs, tmp_path):
+    other = write_untrained(tmp_path / "other.safetensors", ("mug", "unicorn"))
+    for file, words in ((tmp_path / "none", "no such file"), (other, "knows no 'tide'")):
+        text = f"{{detector: ObjectDetector, object_detector: {{weights: {file}}}}}"
+        scenario = load_scenario(text=text, catalogue=catalogue)
+        with pytest.raises(InputError, match=words):
+            make_sorting(scenario, X_WOs, catalogue)
 
 
 class Spy(LeafSystem):
