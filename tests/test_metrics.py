@@ -221,6 +221,16 @@ def test_recall_by_visible_share():
     assert np.isnan(recall)
 
 
+@given(many, st.sampled_from([0.0, 0.4, 0.95]))
+@settings(max_examples=60)
+def test_counts_by_label_add_up_to_the_working_point(drawn, threshold):
+    scenes = [image(*one) for one in drawn]
+    objects, found, false = metrics.counts_by_label(scenes, K, threshold).sum(0)
+    point = metrics.operating_point(scenes, threshold)
+    np.testing.assert_allclose(found / objects if objects else np.nan, point.recall)
+    assert false / len(scenes) == pytest.approx(point.false_positives_per_image)
+
+
 def test_the_confusion_matrix_names_what_was_taken_for_what():
     scene = image([(A, 1), (B, 2), (C, 3)], [(A, 2, 0.9), (B, 2, 0.8), (FAR, 1, 0.7), (C, 3, 0.1)])
     counts = metrics.confusion_matrix([scene], 0.5)
@@ -262,6 +272,7 @@ def test_both_probabilities_are_held_against_what_is_the_case():
     np.testing.assert_allclose(boxes.stated, [0.1, 0.6, 0.8])
     np.testing.assert_allclose(boxes.observed, [0, 0, 1])
     assert boxes.error == pytest.approx((0.1 + 0.6 + 0.2) / 3)
+    assert metrics.box_reliability([scene], least=0.5).error == pytest.approx((0.6 + 0.2) / 2)
     taken_for = scene.true_probabilities.copy()
     taken_for[1] = [0.1, 0.6, 0.3, 0.0]
     mistaken = dataclasses.replace(scene, true_probabilities=taken_for)

@@ -261,6 +261,19 @@ def recall_by_visible_share(
     return rows
 
 
+def counts_by_label(images: Sequence[ScoredImage], labels: int, threshold: float) -> NDArray[np.int64]:
+    """Of each label (labels, 3) at a working threshold: objects to find, those found, false boxes."""
+    counts = np.zeros((1 + labels, 3), np.int64)
+    for image in images:
+        classes, scores = likeliest(image.probabilities)
+        at, taken = scores >= threshold, take(image)
+        for column, members in enumerate(
+            (image.true_classes[image.scored], classes[at & (taken >= 0)], classes[at & (taken == FALSE)])
+        ):
+            counts[:, column] += np.bincount(members, minlength=1 + labels)
+    return counts[1:]
+
+
 def confusion_matrix(images: Sequence[ScoredImage], threshold: float) -> NDArray[np.int64]:
     """Counts (1 + k, 1 + k): row what stands there, column what the detector says of it.
 
@@ -340,17 +353,17 @@ def reliability(stated: ArrayLike, was_so: ArrayLike, bins: int = 10) -> Reliabi
     )
 
 
-def box_reliability(images: Sequence[ScoredImage], bins: int = 10) -> Reliability:
+def box_reliability(images: Sequence[ScoredImage], bins: int = 10, *, least: float = 0.0) -> Reliability:
     """Of p(b | z) p(o | b, z) of each box's likeliest label: does it hold an object of that label, IoU >= .5?
 
-    Boxes on objects that are left out do not count; of two boxes on one object each is right.
+    Boxes on objects that are left out do not count, nor those below `least`; of two boxes on one object each is right.
     """
     stated, was_so = [np.zeros(0)], [np.zeros(0, bool)]
     for image in images:
         classes, p = likeliest(image.probabilities)
         near = (iou(image.boxes, image.true_boxes) >= TRUE_IOU) & (classes[:, None] == image.true_classes)
         right = np.any(near & image.scored, axis=1)
-        counted = right | ~np.any(near & ~image.scored, axis=1)
+        counted = (right | ~np.any(near & ~image.scored, axis=1)) & (p >= least)
         stated.append(p[counted])
         was_so.append(right[counted])
     return reliability(np.concatenate(stated), np.concatenate(was_so), bins)
