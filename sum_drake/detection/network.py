@@ -91,6 +91,11 @@ class Backbone(nn.Module):
                 blocks.append(_Block(inputs, outputs, kernel, stride if k == 0 else 1, expansion))
                 inputs = outputs
         self.blocks = nn.ModuleList(blocks)
+        for module in self.modules():
+            # Without normalisation the spread of the activations must come from the weights' (He et al. 2015).
+            if isinstance(module, nn.Conv2d) and module.bias is not None:
+                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+                nn.init.zeros_(module.bias)
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
         x = F.relu6(self.stem((picture - 127.0) / 128.0))

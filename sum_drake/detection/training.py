@@ -14,6 +14,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import numpy as np
@@ -217,7 +218,7 @@ class _Training:
             self._mean.load_state_dict(state["mean"])
             self._optimizer.load_state_dict(state["optimizer"])
             self.step = state["step"]
-        except (RuntimeError, KeyError, EOFError, OSError, ValueError) as error:
+        except (RuntimeError, KeyError, EOFError, OSError, ValueError, UnpicklingError) as error:
             raise InputError(f"{path}: {one_line(error)}; expected a checkpoint of sum-drake train") from error
 
 
