@@ -4,9 +4,13 @@ import argparse
 import contextlib
 import logging
 import os
+import shlex
+import signal
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+import types
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -24,15 +28,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ[variable] = "1"
     options = _parser().parse_args(arguments)
     try:
-        options.command(options)
+        with _interrupts_between_imports():
+            options.command(options)
     except InputError as error:
         print(f"sum-drake: {error}", file=sys.stderr)
         return BAD_INPUT
     except RuntimeError as error:
         print(f"sum-drake: failed: {error}", file=sys.stderr)
         return FAILED
-    except KeyboardInterrupt:
-        print("sum-drake: interrupted; what was written so far can be read", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        print("; ".join(["sum-drake: interrupted", *map(str, interrupt.args)]), file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # whoever read the output has had enough of it
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
@@ -41,6 +46,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"sum-drake: {error.filename}: {error.strerror}; expected a place that can be written", file=sys.stderr)
         return BAD_INPUT
     return 0
+
+
+@contextlib.contextmanager
+def _interrupts_between_imports() -> Iterator[None]:
+    """Within, Ctrl-C waits for the end of an import: Drake takes an interrupted one for a broken installation."""
+
+    def interrupt(number: int, frame: types.FrameType | None) -> None:
+        while frame is not None:
+            if frame.f_code.co_filename.startswith("<frozen importlib"):
+                signal.setitimer(signal.ITIMER_REAL, 0.05)  # and again
+                return
+            frame = frame.f_back
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+        yield
+        return
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -61,6 +90,11 @@ def _parser() -> argparse.ArgumentParser:
 
     sort = _add(
         commands, "sort", _sort, "pour objects on the table, perceive and sort them", "sort --seed 3 --objects 5"
+    )
+    sort.description = (
+        "Pour objects on the table, perceive and sort them. The exit code is 0 when the run came to its own end, with"
+        " objects left on the table, too: the last line printed, outcome in summary.json and report.html tell how many"
+        " were sorted and why it stopped. 1: the run failed; 2: bad input."
     )
     sort.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
     sort.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
@@ -153,25 +187,33 @@ def _sort(options: argparse.Namespace) -> None:
         _check_writable(options.graphviz)
     require_rendering()
     progress = _Progress(quiet=options.quiet)
+    written = "nothing was written"
+    stack = contextlib.ExitStack()
 
-    with contextlib.ExitStack() as stack:
+    def open_log() -> RunLogWriter:
+        """Only now, when everything has been made, is anything written."""
+        nonlocal written
+        out.mkdir(parents=True, exist_ok=True)
+        for name in RUN_FILES:
+            (out / name).unlink(missing_ok=True)
+        write_whole(out / "scenario.yaml", dump_scenario(scenario))
+        log = RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)})
+        written = f"{out} holds what was done until then: sum-drake report {shlex.quote(str(out))}"
+        return stack.enter_context(log)
 
-        def open_log() -> RunLogWriter:
-            """Only now, when everything has been made, is anything written."""
-            out.mkdir(parents=True, exist_ok=True)
-            for name in RUN_FILES:
-                (out / name).unlink(missing_ok=True)
-            write_whole(out / "scenario.yaml", dump_scenario(scenario))
-            return stack.enter_context(RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)}))
+    def draw(diagram: Diagram) -> None:
+        if options.graphviz is not None:
+            write_whole(options.graphviz, diagram.GetGraphvizString())
 
-        def draw(diagram: Diagram) -> None:
-            if options.graphviz is not None:
-                write_whole(options.graphviz, diagram.GetGraphvizString())
-
-        episode = run(scenario, catalogue, open_log=open_log, progress=progress, on_diagram=draw)
-    summary = score(episode, scenario, catalogue, versions=versions(), device=device())
-    write_json(out / "summary.json", summary)
-    write_report(out, catalogue)
+    try:
+        with stack:
+            episode = run(scenario, catalogue, open_log=open_log, progress=progress, on_diagram=draw)
+        summary = score(episode, scenario, catalogue, versions=versions(), device=device())
+        write_json(out / "summary.json", summary)
+        write_report(out, catalogue)
+    except KeyboardInterrupt:
+        progress.clear()
+        raise KeyboardInterrupt(written) from None
     progress.done(
         f"{summary['outcome']}: {summary['objects_sorted']} of {summary['objects_total']} objects sorted, "
         f"{summary['objects_missorted']} missorted, {summary['manipulation_trials']} trials, "
@@ -224,8 +266,13 @@ class _Progress:
     def done(self, what: str) -> None:
         """The last line, on standard output."""
         if not self._quiet:
-            print(self._clear(), end="", file=sys.stderr, flush=True)
+            self.clear()
             print(what)
+
+    def clear(self) -> None:
+        """Takes the bar away."""
+        if not self._quiet:
+            print(self._clear(), end="", file=sys.stderr, flush=True)
 
     def _clear(self) -> str:
         return "\r\033[K" if self._terminal else ""
@@ -268,7 +315,8 @@ def _report(options: argparse.Namespace) -> None:
     from sum_drake.report import write_report
 
     if not options.run.is_dir():
-        raise InputError(f"{options.run}: no such folder; expected the folder of a run")
+        what = "a file" if options.run.exists() else "no such folder"
+        raise InputError(f"{options.run}: {what}; expected the folder of a run, as sum-drake sort writes it")
     if (options.run / "report.html").exists() and not options.force:
         raise InputError(f"{options.run / 'report.html'}: exists; expected --force to replace it")
     print(write_report(options.run))
