@@ -8,10 +8,8 @@ from pydrake.geometry import (
     ColorRenderCamera,
     DepthRange,
     DepthRenderCamera,
-    LightParameter,
     MakeRenderEngineVtk,
     RenderCameraCore,
-    RenderEngineVtkParams,
     Role,
 )
 from pydrake.math import RigidTransform, RotationMatrix
@@ -23,6 +21,7 @@ from pydrake.systems.sensors import RgbdSensor
 
 from sum_drake import robot
 from sum_drake.assets import InputError, asset, one_line
+from sum_drake.look import station_look
 from sum_drake.parsing import make_parser
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, camera_from_info, make_camera_info
 from sum_drake.systems.camera_pose import CameraPose
@@ -92,7 +91,7 @@ def make_station(
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(plant_config, builder)
     # Before any geometry, so that a mesh that cannot be drawn is found while its model is read.
-    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(_look()))
+    scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(station_look()))
     fetch = _add_scene(plant, directives)
     for label, (path, X_WO) in objects.items():
         _add_object(plant, label, path, X_WO)
@@ -159,23 +158,6 @@ def object_render_labels(station: Diagram) -> dict[int, str]:
         for geometry in inspector.GetGeometries(frame, Role.kPerception):
             labels[int(inspector.GetPerceptionProperties(geometry).GetProperty("label", "id"))] = label
     return labels
-
-
-def _look() -> RenderEngineVtkParams:
-    """A bright room: light over the left shoulder, weaker from the right and from ahead, and some from the camera."""
-
-    def light(direction: tuple[float, float, float], intensity: float, frame: str = "world") -> LightParameter:
-        return LightParameter(type="directional", direction=direction, intensity=intensity, frame=frame)
-
-    return RenderEngineVtkParams(
-        default_clear_color=np.array([0.86, 0.89, 0.92]),
-        lights=[
-            light((0.8, -0.5, -1.0), 0.54),
-            light((0.1, 0.8, -0.7), 0.28),
-            light((-0.9, 0.2, -0.5), 0.30),
-            light((0.0, 0.0, 1.0), 0.44, "camera"),
-        ],
-    )
 
 
 def _add_scene(plant: MultibodyPlant, directives: Sequence[ModelDirective]) -> ModelInstanceIndex:

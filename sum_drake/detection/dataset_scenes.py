@@ -1,0 +1,488 @@
+"""The scenes of the data set: drawn from a seed, rendered by RenderEngineVtk, annotated from its label image.
+
+Three kinds of scene: the sorting station itself, with the robot's table, bins and head camera (a quarter); a table of
+any look onto which things are poured; the same with things tossed. Lights, shading, colours and textures hold for a
+scene, since an engine's lights are fixed; camera, exposure, colour balance, blur, noise and compression differ by view.
+
+What the splits train, validation and test have in common, and `shift` never shows:
+
+==========  =========================================  ===================================================
+            train, validation, test                    shift
+==========  =========================================  ===================================================
+lights      1 to 5, directional or points, nearly      1 to 3 spots, each of a strong colour, a weak one
+            white, one of them the camera's            from the camera
+shading     Phong, or plain PBR (3 of 10 scenes)       PBR with cast shadows and filmic tone mapping
+textures    `textures.TRAIN`                           `textures.SHIFT`
+shapes      `distractors.TRAIN`                        `distractors.SHIFT`
+==========  =========================================  ===================================================
+
+An environment map would be one more shading; in software its preparation takes minutes a scene.
+"""
+
+import dataclasses
+import functools
+import threading
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    Box,
+    ClippingRange,
+    ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
+    GeometryInstance,
+    InMemoryMesh,
+    LightParameter,
+    MakeRenderEngineVtk,
+    Mesh,
+    PerceptionProperties,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+    RenderLabel,
+    Rgba,
+    Role,
+    SceneGraph,
+    Shape,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import LoadModelDirectives, ProcessModelDirectives
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+from sum_drake import robot
+from sum_drake.assets import MODELS
+from sum_drake.detection.arrangement import TABLE, Body, Ground, pour, toss
+from sum_drake.detection.dataset import (
+    AnnotatedImage,
+    AnnotatedObject,
+    EncodedImage,
+    encode_depth,
+    scene_entropy,
+)
+from sum_drake.detection.distractors import box, drake_mesh, draw_distractor
+from sum_drake.detection.textures import draw_color, draw_texture
+from sum_drake.geometry import inverse, rotation_from_vector, transform
+from sum_drake.look import station_look
+from sum_drake.objects import Catalogue, ObjectModel
+from sum_drake.parsing import make_parser
+from sum_drake.rendering import DepthRenderer
+from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, add_depth_noise
+from sum_drake.types import Array, Camera
+
+Picture = NDArray[np.float32]
+"""(h, w, 3), RGB in [0, 1]."""
+
+WIDTH, HEIGHT = 640, 480
+SENSOR = HeadCameraConfig()
+NOT_OURS = RenderLabel(10_000)
+"""In the label image: whatever is no object of the catalogue."""
+MAX_OBJECTS = 15
+TABLE_CENTER = (0.7, 0.0)
+"""Of tables other than the station's: x and y in W, metres."""
+
+
+def render_scene(catalogue: Catalogue, split: str, seed: int, index: int, views: int) -> list[AnnotatedImage]:
+    """Pictures of scene `index` of a split: a function of the arguments; fewer views are the first of more.
+
+    Raises InputError for an unknown split and RuntimeError where nothing can be rendered.
+    """
+    images = render_encoded(catalogue, split, seed, index, views)
+    return [image.decode(f"{split}/{index:05d}/{view}") for view, image in enumerate(images)]
+
+
+def render_encoded(catalogue: Catalogue, split: str, seed: int, index: int, views: int) -> list[EncodedImage]:
+    """The same as bytes, as they are written to disk."""
+    entropy = scene_entropy(seed, split, index)
+    scene = _draw_scene(catalogue, np.random.default_rng([*entropy, 0]), shift=split == "shift")
+    renderer = _Renderer(scene)
+    return [_take(scene, renderer, catalogue, np.random.default_rng([*entropy, 1 + view])) for view in range(views)]
+
+
+# --- what is in a scene ----------------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Part:
+    """Something to be drawn that is no object of the catalogue."""
+
+    shape: Shape
+    X_WG: RigidTransform
+    color: Rgba | None = None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Scene:
+    """All that the views of a scene share."""
+
+    station: bool
+    own_light: bool
+    """Whether it is the station in its own light, whose pictures need no developing."""
+    ground: Ground
+    objects: tuple[tuple[str, Mesh, Array], ...]
+    """Label, mesh, X_WO (4, 4)."""
+    surroundings: tuple[_Part, ...]
+    look: RenderEngineVtkParams
+
+
+def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) -> _Scene:
+    kind = rng.choice(["station", "poured", "tossed"], p=[0.25, 0.4, 0.35])
+    count = int(rng.integers(1, min(MAX_OBJECTS, len(catalogue)) + 1)) if rng.random() > 0.03 else 0
+    labels = [catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count]]
+    strange = int(rng.integers(0, 5))
+    if kind == "station" and rng.random() < 0.6:
+        strange = 0
+    shapes = [draw_distractor(rng, shift=shift) for _ in range(strange)]
+    textures = [draw_texture(rng, shift=shift) for _ in range(strange)]
+    bodies = [_body(catalogue[label]) for label in labels]
+    bodies += [Body(float(rng.uniform(0.1, 0.6)), (shape.vertices,)) for shape in shapes]
+    ground = _station_ground(len(bodies)) if kind == "station" else _draw_ground(len(bodies), str(kind), rng)
+    order = rng.permutation(len(bodies))
+    arrange = toss if kind == "tossed" else pour
+    found = arrange([bodies[i] for i in order], ground, rng)
+    X_WOs = dict(zip(order.tolist(), found, strict=True))
+
+    objects = tuple(
+        (label, _visual(catalogue[label]), X_WO) for i, label in enumerate(labels) if (X_WO := X_WOs[i]) is not None
+    )
+    parts = [
+        _Part(drake_mesh(shape, texture), RigidTransform(X_WO))
+        for i, (shape, texture) in enumerate(zip(shapes, textures, strict=True), len(labels))
+        if (X_WO := X_WOs[i]) is not None
+    ]
+    if kind == "station":
+        parts += _station_parts()
+        # The station's own light in half of its scenes: there the detector will work.
+        own_light = not shift and bool(rng.random() < 0.5)
+    else:
+        parts += _draw_room(ground, rng, shift=shift)
+        own_light = False
+    look = station_look() if own_light else _draw_look(rng, shift=shift)
+    return _Scene(kind == "station", own_light, ground, objects, tuple(parts), look)
+
+
+def _body(model: ObjectModel) -> Body:
+    mass = model.mass if model.mass is not None else 400.0 * float(np.prod(model.dimensions))
+    return Body(mass, tuple(np.asarray(piece.vertices) for piece in model.load_collision()))
+
+
+@functools.lru_cache(maxsize=64)
+def _visual(model: ObjectModel) -> Mesh:
+    """The object's mesh as RenderEngineVtk can draw it: as it is, or without its texture where it cannot be read."""
+    suffix = model.mesh.suffix.lower()
+    if suffix == ".gltf" or (suffix == ".obj" and "\nvn " in model.mesh.read_text(errors="replace")):
+        return Mesh(str(model.mesh))
+    mesh = model.load_mesh()
+    lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in mesh.vertices.tolist()]
+    lines += ["vn {:.5f} {:.5f} {:.5f}".format(*n) for n in mesh.vertex_normals.tolist()]
+    lines += ["f {0}//{0} {1}//{1} {2}//{2}".format(*f) for f in (np.asarray(mesh.faces) + 1).tolist()]
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", model.label)))
+
+
+def _station_ground(count: int) -> Ground:
+    """The station's table, and the region that its own pour aims at (`systems/pouring.py`)."""
+    half_y = float(np.clip(count * 0.016 / 0.6, 0.13, 0.36))
+    return Ground(np.array([0.72, 0.0]), np.array([0.30, 0.45]), np.array([0.60, 0.0]), np.array([0.15, half_y]))
+
+
+def _draw_ground(count: int, kind: str, rng: np.random.Generator) -> Ground:
+    center, half = np.array(TABLE_CENTER), rng.uniform([0.3, 0.4], [0.6, 0.8])
+    area = max(count, 1) * rng.uniform(0.006, 0.03) * (2.0 if kind == "tossed" else 1.0)
+    aspect = rng.uniform(0.6, 1.6)
+    region = np.clip(np.sqrt(area) / 2 * np.array([aspect, 1 / aspect]), 0.06, half - 0.1)
+    return Ground(center, half, center + rng.uniform(-1, 1, 2) * 0.5 * (half - 0.05 - region), region)
+
+
+def _draw_room(ground: Ground, rng: np.random.Generator, *, shift: bool) -> list[_Part]:
+    """A table with a textured top, on legs or on a cabinet, a floor, and now and then walls."""
+
+    def plain(size: ArrayLike, p: ArrayLike) -> _Part:
+        return _Part(Box(np.array(size)), RigidTransform(np.array(p)), Rgba(*draw_color(rng), 1.0))
+
+    def textured(size: ArrayLike, p: ArrayLike) -> _Part:
+        texture = draw_texture(rng, shift=shift, size=512)
+        return _Part(drake_mesh(box(*np.array(size)), texture), RigidTransform(np.array(p)))
+
+    (cx, cy), (hx, hy) = ground.center, ground.half
+    thick = rng.uniform(0.02, 0.06)
+    high = TABLE - thick
+    parts = [textured([2 * hx, 2 * hy, thick], [cx, cy, TABLE - thick / 2])]
+    if rng.random() < 0.5:
+        parts.append(plain([2 * hx - 0.06, 2 * hy - 0.06, high], [cx, cy, high / 2]))
+    else:
+        corners = [(sx * (hx - 0.05), sy * (hy - 0.05)) for sx in (-1, 1) for sy in (-1, 1)]
+        parts += [plain([0.05, 0.05, high], [cx + x, cy + y, high / 2]) for x, y in corners]
+    far = rng.uniform(2.3, 3.5)
+    floor = textured if rng.random() < 0.7 else plain
+    parts.append(floor([2 * far, 2 * far, 0.02], [cx, cy, -0.01]))
+    if rng.random() < 0.6:
+        for axis, sign in ((0, -1), (0, 1), (1, -1), (1, 1)):
+            p, size = np.array([cx, cy, 1.25]), np.array([2 * far, 2 * far, 2.5])
+            p[axis] += sign * far
+            size[axis] = 0.02
+            wall = textured if rng.random() < 0.5 else plain
+            parts.append(wall(size, p))
+    return parts
+
+
+@functools.cache
+def _station_parts() -> tuple[_Part, ...]:
+    """The station's table, bins, floor and robot, which waits where it looks from."""
+    plant, graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.004), DiagramBuilder())
+    directives = LoadModelDirectives(str(MODELS / "scenes" / "sorting.dmd.yaml"))
+    ProcessModelDirectives(directives, make_parser(plant))
+    home = robot.desired_state(robot.VIEW, robot.HAND.gap_max)[: len(robot.JOINTS)]
+    for joint, position in zip(robot.JOINTS, home, strict=True):
+        plant.GetJointByName(joint.name).set_default_positions([position])
+    plant.Finalize()
+    context, inspector = plant.CreateDefaultContext(), graph.model_inspector()
+    parts = []
+    for geometry in inspector.GetAllGeometryIds(Role.kPerception):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        X_WG = plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
+        properties = inspector.GetPerceptionProperties(geometry)
+        color = properties.GetProperty("phong", "diffuse") if properties.HasProperty("phong", "diffuse") else None
+        parts.append(_Part(inspector.GetShape(geometry), X_WG, color))
+    return tuple(parts)
+
+
+# --- light -----------------------------------------------------------------------------------------------------------
+
+
+def _draw_look(rng: np.random.Generator, *, shift: bool) -> RenderEngineVtkParams:
+    """Lights, background and shading of a scene; see the table above."""
+    pbr = shift or bool(rng.random() < 0.3)
+    # Drake's PBR spreads light over the hemisphere (a factor 1 / pi) where Phong does not.
+    level = 2.5 if pbr else 1.0
+    count = int(rng.integers(1, 4 if shift else 5))
+    lights = [
+        _draw_lamp(rng, level * share * rng.uniform(0.8, 1.6), shift=shift) for share in rng.dirichlet([2.0] * count)
+    ]
+    # There is no light from all around: without one at the camera, what faces away from the lamps is black. A point
+    # light casts no shadow.
+    headlight = level * rng.uniform(0.15, 0.5)
+    lights.append(LightParameter(type="point", frame="camera", position=[0, 0, 0], intensity=headlight))
+    background = draw_color(rng)
+    if not shift:
+        return RenderEngineVtkParams(default_clear_color=background, lights=lights, force_to_pbr=pbr)
+    return RenderEngineVtkParams(
+        default_clear_color=background, lights=lights, force_to_pbr=pbr, exposure=rng.uniform(0.8, 1.6),
+        cast_shadows=True, shadow_map_size=2048,
+    )  # fmt: skip
+
+
+def _draw_lamp(rng: np.random.Generator, intensity: float, *, shift: bool) -> LightParameter:
+    """A light above the table that shines on it: far away or near, or a spot."""
+    azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(25, 85))
+    towards = -_direction(azimuth, elevation)
+    target = np.array([*TABLE_CENTER, TABLE]) + rng.uniform(-0.2, 0.2, 3) * [1, 1, 0]
+    color = _light_color(rng, rng.uniform(0.4, 0.8) if shift else rng.uniform(0, 0.25))
+    kind = "spot" if shift else str(rng.choice(["directional", "point"], p=[0.7, 0.3]))
+    distance = rng.uniform(1.5, 2.2) if shift else rng.uniform(0.8, 2.2)
+    return LightParameter(
+        type=kind, frame="world", position=target - distance * towards, direction=towards, intensity=intensity,
+        color=color, cone_angle=rng.uniform(20, 35) if shift else 0.0,
+    )  # fmt: skip
+
+
+def _direction(azimuth: float, elevation: float) -> Array:
+    """Unit vector (3,) in W."""
+    across = np.cos(elevation)
+    return np.array([np.cos(azimuth) * across, np.sin(azimuth) * across, np.sin(elevation)])
+
+
+def _light_color(rng: np.random.Generator, saturation: float) -> Rgba:
+    """A light of any hue, white at saturation 0, as bright as white in its largest channel."""
+    color = 1 - saturation * rng.random(3)
+    return Rgba(*(color / color.max()), 1.0)
+
+
+# --- rendering -------------------------------------------------------------------------------------------------------
+
+
+def _render_graph(scene: _Scene) -> Any:
+    """The query object of a SceneGraph that holds the scene; object i has render label i + 1.
+
+    Keeps the graph and its context alive.
+    """
+    graph = SceneGraph()
+    graph.AddRenderer("vtk", MakeRenderEngineVtk(scene.look))
+    source = graph.RegisterSource("scene")
+
+    def register(name: str, shape: Shape, X_WG: RigidTransform, label: RenderLabel, color: Rgba | None) -> None:
+        geometry = GeometryInstance(X_WG, shape, name)
+        properties = PerceptionProperties()
+        properties.AddProperty("label", "id", label)
+        if color is not None:
+            properties.AddProperty("phong", "diffuse", color)
+        geometry.set_perception_properties(properties)
+        graph.RegisterAnchoredGeometry(source, geometry)
+
+    for i, (label, mesh, X_WO) in enumerate(scene.objects):
+        register(label, mesh, RigidTransform(X_WO), RenderLabel(i + 1), None)
+    for i, part in enumerate(scene.surroundings):
+        register(f"part{i}", part.shape, part.X_WG, NOT_OURS, part.color)
+    return graph, graph.CreateDefaultContext()
+
+
+class _Renderer:
+    """Pictures of one scene, by an engine of its own."""
+
+    def __init__(self, scene: _Scene) -> None:
+        self._graph, self._context = _render_graph(scene)
+        self._query = self._graph.get_query_output_port().Eval(self._context)
+
+    def depth(self, camera: Camera, X_WC: Array) -> Array:
+        """Perfect z-depth (h, w) within the sensor's range, 0 beyond."""
+        drake = DepthRenderCamera(self._core(camera), DepthRange(0.05, SENSOR.depth_max))
+        image = self._query.RenderDepthImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data[..., 0]
+        return np.where(np.isfinite(image), image, 0.0)
+
+    def color(self, camera: Camera, X_WC: Array) -> Picture:
+        drake = ColorRenderCamera(self._core(camera), False)
+        image = self._query.RenderColorImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data
+        return np.asarray(image[..., :3] / np.float32(255), dtype=np.float32)
+
+    def labels(self, camera: Camera, X_WC: Array) -> NDArray[np.int16]:
+        drake = ColorRenderCamera(self._core(camera), False)
+        image = self._query.RenderLabelImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data
+        return np.array(image[..., 0])
+
+    def _core(self, camera: Camera) -> RenderCameraCore:
+        # RenderEngineVtk puts the centre of pixel i at i + .5.
+        info = CameraInfo(camera.width, camera.height, camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5)
+        return RenderCameraCore("vtk", info, ClippingRange(0.05, 10.0), RigidTransform())
+
+
+def _take(scene: _Scene, renderer: _Renderer, catalogue: Catalogue, rng: np.random.Generator) -> EncodedImage:
+    """One view: a camera, what it sees, and what is on it."""
+    for _ in range(10):
+        camera, X_WC = _draw_camera(scene, rng)
+        depth = renderer.depth(camera, X_WC)
+        if np.mean((depth > 0) & (depth < 0.3)) < 0.02:  # else something stands right before it
+            break
+    labels = renderer.labels(camera, X_WC)
+    objects = _annotate(scene, labels, camera, X_WC, catalogue)
+    degrade = rng.random() < (0.5 if scene.own_light else 1.0)
+    color = renderer.color(camera, X_WC)
+    jpeg = _develop(color, rng) if degrade else _jpeg(color, 97)
+    seen = np.where(depth >= SENSOR.depth_min, depth, 0.0)
+    noisy = add_depth_noise(seen, camera, rng, DepthNoiseConfig())
+    return EncodedImage(jpeg, encode_depth(noisy), camera, objects)
+
+
+def _draw_camera(scene: _Scene, rng: np.random.Generator) -> tuple[Camera, Array]:
+    """Intrinsics and X_WC: at the station mostly the robot's own, else anywhere around the table."""
+    head = rng.random() < (0.6 if scene.station else 0.2)
+    f = SENSOR.focal_length
+    if head:
+        X_WC = robot.camera_pose(_home_state())
+        away = rng.choice([0.0, 1.0], p=[0.4, 0.6]) if scene.station else 2.0
+        p = X_WC[:3, 3] + away * rng.normal(0, 0.03, 3)
+        R = X_WC[:3, :3] @ rotation_from_vector(away * rng.normal(0, 0.03, 3))
+        f *= 1 + away * rng.uniform(-0.08, 0.08)
+        X_WC = transform(R, p)
+    else:
+        backward = _direction(rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(20, 80)))
+        middle = np.array([*scene.ground.region_center, TABLE + 0.05]) + rng.normal(0, 0.06, 3)
+        X_WC = _looking(middle + rng.uniform(0.6, 1.4) * backward, middle, rng.normal(0, 0.08))
+        f *= rng.uniform(0.85, 1.25)
+    return Camera(WIDTH, HEIGHT, f, f, (WIDTH - 1) / 2, (HEIGHT - 1) / 2), X_WC
+
+
+def _home_state() -> Array:
+    """The measured state (24,) of a robot that waits at VIEW."""
+    order = {joint.name: i for i, joint in enumerate(robot.JOINTS)}
+    desired = robot.desired_state(robot.VIEW, robot.HAND.gap_max)
+    positions = [desired[order[joint.name]] for joint in robot.STATE_JOINTS]
+    return np.concatenate([positions, np.zeros(len(positions))])
+
+
+def _looking(p_WC: Array, p_WT: Array, roll: float) -> Array:
+    """X_WC of a camera at p_WC that looks at p_WT, the world's up towards the top of the picture but for `roll`."""
+    z = (p_WT - p_WC) / np.linalg.norm(p_WT - p_WC)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    R_WC = np.stack([x, np.cross(z, x), z], axis=1)
+    return transform(R_WC @ rotation_from_vector(np.array([0.0, 0.0, roll])), p_WC)
+
+
+# --- annotation ------------------------------------------------------------------------------------------------------
+
+
+def _annotate(
+    scene: _Scene, labels: NDArray[np.int16], camera: Camera, X_WC: Array, catalogue: Catalogue
+) -> tuple[AnnotatedObject, ...]:
+    """Box and visible share of every object of which a pixel shows."""
+    X_CW, alone = inverse(X_WC), _alone(catalogue.path, catalogue.models, threading.get_ident())
+    wide, margin = _wide(camera)
+    found = []
+    for i, (label, _, X_WO) in enumerate(scene.objects):
+        rows, columns = np.nonzero(labels == i + 1)
+        if not len(rows):
+            continue
+        whole = alone.depth(label, X_CW @ X_WO, wide) > 0
+        shown = np.pad(labels[::_STRIDE, ::_STRIDE] == i + 1, margin)
+        share = int(np.count_nonzero(shown)) / max(int(np.count_nonzero(whole | shown)), 1)
+        box = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
+        found.append(AnnotatedObject(label, box, round(share, 4), len(rows)))
+    return tuple(found)
+
+
+_STRIDE = 2
+"""Visible shares are counted on every second pixel of every second row."""
+
+
+def _wide(camera: Camera) -> tuple[Camera, int]:
+    """The camera with every second pixel and, on all sides, a margin of so many more."""
+    margin = camera.width // _STRIDE // 4
+    return Camera(
+        camera.width // _STRIDE + 2 * margin, camera.height // _STRIDE + 2 * margin,
+        camera.fx / _STRIDE, camera.fy / _STRIDE, camera.cx / _STRIDE + margin, camera.cy / _STRIDE + margin,
+    ), margin  # fmt: skip
+
+
+@functools.lru_cache(maxsize=1)
+def _alone(path: Path, models: tuple[ObjectModel, ...], thread: int) -> DepthRenderer:
+    """Renders objects alone. VTK's engines belong to the thread that made them."""
+    return DepthRenderer(Catalogue(path, models), faces=20_000)
+
+
+# --- what a camera makes of it ---------------------------------------------------------------------------------------
+
+
+def _develop(picture: Picture, rng: np.random.Generator) -> bytes:
+    """Exposure, colour balance, contrast, blur, noise and compression of some camera; a JPEG."""
+    # A camera measures the light; the middle of the picture, where the things are, counts most.
+    middle = picture[HEIGHT // 4 : -HEIGHT // 4, WIDTH // 4 : -WIDTH // 4]
+    gain = np.clip(rng.uniform(0.3, 0.6) / max(float(middle.mean()), 1e-3), 0.6, 3.0)
+    balance = np.exp(rng.normal(0, 0.06, 3))
+    color: NDArray[Any] = picture * (gain * balance).astype(np.float32)
+    color = np.clip(color, 0, 1) ** np.float32(np.exp(rng.normal(0, 0.12)))
+    gray = color.mean(axis=-1, keepdims=True)
+    color = gray + np.float32(rng.uniform(0.7, 1.2)) * (color - gray)
+    if rng.random() < 0.6:
+        color = cv2.GaussianBlur(color, (0, 0), rng.uniform(0.3, 1.2))
+    if rng.random() < 0.1:
+        color = cv2.filter2D(color, -1, _streak(int(rng.integers(3, 8)), rng.uniform(0, np.pi)))
+    noise = rng.standard_normal(color.shape, dtype=np.float32) * np.float32(rng.uniform(0, 0.025))
+    return _jpeg(color + noise, int(rng.integers(55, 97)))
+
+
+def _streak(length: int, angle: float) -> NDArray[np.float32]:
+    """The kernel of a picture that moved by `length` pixels while it was taken."""
+    kernel: NDArray[Any] = np.zeros((9, 9), np.float32)
+    along = np.array([np.cos(angle), np.sin(angle)]) * length / 2
+    a, b = (tuple(int(i) for i in np.rint(4 + s * along)) for s in (-1, 1))
+    cv2.line(kernel, a, b, 1.0)
+    return np.asarray(kernel / kernel.sum())
+
+
+def _jpeg(color: NDArray[Any], quality: int) -> bytes:
+    bgr = np.rint(255 * np.clip(color[..., ::-1], 0, 1)).astype(np.uint8)
+    return bytes(cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
