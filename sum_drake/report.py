@@ -18,6 +18,7 @@ from sum_drake.jsonio import encode
 from sum_drake.runlog_reader import RunRecord, read_what_there_is
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import Attempt, Perception, SceneBelief
+from sum_drake.yamlio import parse_yaml
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -27,16 +28,21 @@ def write_report(run_folder: Path, catalogue: "Catalogue | None" = None) -> Path
     """Writes `report.html` into a run folder, from whatever of summary and log there is; returns its path.
 
     Args:
-        catalogue: the objects of the run; the package's own by default.
+        catalogue: the objects of the run; by default the ones that its scenario.yaml names.
 
     Raises InputError for a folder without anything to report.
     """
     from sum_drake.objects import load_catalogue
 
     run = _read_run(run_folder)
-    page = _page(run, load_catalogue() if catalogue is None else catalogue)
+    if catalogue is None:
+        try:
+            catalogue = load_catalogue(_catalogue_path(run.scenario))
+        except InputError as error:
+            problem = f"Only objects of the package can be drawn: {error}"
+            run, catalogue = dataclasses.replace(run, problems=(*run.problems, problem)), load_catalogue()
     path = run_folder / "report.html"
-    write_whole(path, page)
+    write_whole(path, _page(run, catalogue))
     return path
 
 
@@ -96,6 +102,17 @@ def _read_run(folder: Path) -> _Run:
     return _Run(folder.resolve().name, summary, record, scenario, tuple(p.replace(here, "") for p in problems))
 
 
+def _catalogue_path(scenario: str | None) -> Path | None:
+    """The catalogue that a resolved scenario names; None where it names none, as for the package's."""
+    try:
+        data = parse_yaml(scenario or "", "scenario.yaml")
+    except InputError:
+        return None
+    resolved = data.get("resolved") if isinstance(data, dict) else None
+    named = resolved.get("catalogue") if isinstance(resolved, dict) else None
+    return Path(named) if isinstance(named, str) and named else None
+
+
 def _page(run: _Run, catalogue: "Catalogue") -> str:
     attempts = run.attempts()
     parts = [_header(run), *(f'<p class="problem">{_text(problem)}</p>' for problem in run.problems)]
@@ -106,7 +123,10 @@ def _page(run: _Run, catalogue: "Catalogue") -> str:
     if run.perceptions:
         parts += ["<h2>Observations</h2>", _LEGEND]
         scored = {} if run.summary is None else {row["step"]: row for row in run.summary["observations"]}
-        parts += [_observation(one, scored.get(one.step), attempts, catalogue) for one in run.perceptions]
+        parts += [
+            _observation(one, scored.get(one.step), _done_next(run, one.step, attempts), catalogue)
+            for one in run.perceptions
+        ]
     if run.summary is not None:
         parts += ["<h2>Costs</h2>", _timing(run.summary["timing"]), "<h2>Made with</h2>", _made_with(run.summary)]
     if run.scenario is not None:
@@ -187,7 +207,7 @@ _LEGEND = (
 def _observation(
     perception: Perception,
     score: Mapping[str, Any] | None,
-    attempts: Sequence[Mapping[str, Any]],
+    done_next: str,
     catalogue: "Catalogue",
 ) -> str:
     picture = _picture(draw_perception(perception, catalogue), "Picture with detections and tracks")
@@ -197,7 +217,7 @@ def _observation(
         f"<p>{_text(_observed(perception, score))}</p>"
         f'<div class="pictures">{picture}{depth}</div>'
         f"{_track_table(perception.posterior, score, catalogue)}"
-        f"<p>{_text(_done_next(perception.step, attempts))}</p></section>"
+        f"<p>{_text(done_next)}</p></section>"
     )
 
 
@@ -216,13 +236,32 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _done_next(step: int, attempts: Sequence[Mapping[str, Any]]) -> str:
+def _done_next(run: _Run, step: int, attempts: Sequence[Mapping[str, Any]]) -> str:
+    """What followed a look."""
     words = []
     for row in attempts:
         if row["step"] == step:
             how = row["outcome"] or "outcome unknown"
             words.append(f"{row['label']} to {row['region']}, {how} ({row['reason'].replace('_', ' ')})")
-    return "Then: " + "; ".join(words) + "." if words else "Then nothing was attempted."
+    tried = "Then: " + "; ".join(words) + "." if words else ""
+    cut_off = run.record is not None and run.summary is None and step == run.perceptions[-1].step
+    under_way = _under_way(run.record) if run.record is not None and cut_off else ""
+    return f"{tried} {under_way}".strip() or "Then nothing was attempted."
+
+
+def _under_way(record: RunRecord) -> str:
+    """What the robot was about when the log of a run that has no summary ends, after its last look."""
+    look = record.perceptions[-1]
+    events = [event for event in record.events if event["time"] >= look.frame.time]
+    ended = [event["detail"]["outcome"] for event in events if event["name"] == "run_ended"]
+    if ended:
+        return f"Then the run ended: {ended[-1]}."
+    times = [look.frame.time, *record.joint_times[-1:], *(event["time"] for event in events)]
+    times += [time for time, _ in record.attempts]
+    done = any(attempt.step == look.step and attempt.action is not None for _, attempt in record.attempts)
+    begun = [event["detail"]["segment"] for event in events if event["name"] == "segment_begun"]
+    doing = f"a pick and place was under way ({begun[-1]}) when " if begun and not done else ""
+    return f"Then {doing}the log ends, at {max(times):.1f} s."
 
 
 def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue: "Catalogue") -> str:

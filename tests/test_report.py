@@ -4,7 +4,9 @@ import dataclasses
 import html.parser
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from test_drawing import make_perception
 from test_runlog import make_attempt
@@ -15,7 +17,7 @@ from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.report import write_report
 from sum_drake.runlog import RunLogWriter
-from sum_drake.types import Region, readonly
+from sum_drake.types import Attempt, Perception, PickPlace, Region, readonly
 
 REGIONS = {
     "table": Region("table", readonly([0.7, 0.0, 0.9]), readonly([0.25, 0.35, 0.2])),
@@ -115,6 +117,75 @@ def test_a_run_that_was_killed(run_folder: Path) -> None:
     assert "the log run.mcap is cut off" in page.words
     assert str(run_folder) not in text
     assert len(page.pictures) >= 2
+
+
+MOVING = [("segment_begun", {"motion": 0, "segment": "reach"}), ("segment_begun", {"motion": 0, "segment": "lift"})]
+HOLDING = [*MOVING, ("motion_done", {"motion": 0})]
+
+
+@pytest.mark.parametrize(
+    ("events", "tried", "words"),
+    [
+        (MOVING, None, "Then a pick and place was under way (lift) when the log ends, at 9.5 s."),
+        (HOLDING, None, "Then a pick and place was under way (lift) when the log ends, at 9.5 s."),
+        (MOVING, "no_grasp", "(no grasp). Then a pick and place was under way (lift) when the log ends, at 9.5 s."),
+        (HOLDING, "executed", "(executed). Then the log ends, at 9.6 s."),
+        ([], None, "Then the log ends, at 9.5 s."),
+        ([("run_ended", {"outcome": "cleared"})], None, "Then the run ended: cleared."),
+    ],
+)
+def test_a_cut_off_run_tells_what_was_under_way(
+    tmp_path: Path, catalogue: Catalogue, events: list[tuple[str, dict[str, Any]]], tried: str | None, words: str
+) -> None:
+    """After its last look; an earlier one after which nothing was tried says so."""
+    perceptions = [
+        dataclasses.replace(p, frame=dataclasses.replace(p.frame, time=4.0 * p.step))
+        for p in (make_perception(step, catalogue) for step in range(2))
+    ]
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        for perception in perceptions:
+            writer.write_perception(perception)
+        for i, (name, detail) in enumerate(events):
+            writer.write_event(5.0 + i, name, detail)
+        writer.write_joint_state(9.5, ["pan"], np.zeros(1))
+        if tried is not None:
+            writer.write_attempt(9.6 if tried == "executed" else 4.1, attempt_of(perceptions[1], tried))
+    page = Page(write_report(tmp_path).read_text())
+    assert page.words.count("Then nothing was attempted.") == 1
+    assert words in page.words
+
+
+def attempt_of(perception: Perception, reason: str) -> Attempt:
+    action = None
+    if reason == "executed":
+        eye = readonly(np.eye(4))
+        action = PickPlace(perception.step, "pick_place", 0, "soup_can", eye, eye, "left", 0.03, 0.03, True)
+    return dataclasses.replace(make_attempt(perception.step), reason=reason, action=action)
+
+
+def test_the_runs_own_catalogue_is_used(run_folder: Path, tmp_path: Path, catalogue: Catalogue) -> None:
+    """The scenario names it; where it is gone the page says so and draws what the package knows."""
+    by_package = write_report(run_folder).read_text()
+    own = tmp_path / "own.yaml"
+    # The same labels in another order have other colours.
+    entries = [f"  {label}: {{mesh: {catalogue[label].mesh}, category: x}}\n" for label in reversed(catalogue.labels)]
+    own.write_text("objects:\n" + "".join(entries))
+    (run_folder / "scenario.yaml").write_text(f"resolved:\n  catalogue: {own}\n")
+    by_own = write_report(run_folder).read_text()
+    pictures = Page(by_own).pictures
+    assert pictures != Page(by_package).pictures and "Only objects of the package" not in by_own
+    assert Page(write_report(run_folder, load_catalogue(own)).read_text()).pictures == pictures
+    own.unlink()
+    gone = Page(write_report(run_folder).read_text())
+    assert "Only objects of the package can be drawn: catalogue" in gone.words and "own.yaml is missing" in gone.words
+    assert gone.pictures == Page(by_package).pictures
+
+
+@pytest.mark.parametrize("scenario", ["{", "3", "resolved: 3", "resolved: {catalogue: 3}", "resolved: {catalogue: ''}"])
+def test_a_scenario_that_names_no_catalogue_stands_for_the_packages(run_folder: Path, scenario: str) -> None:
+    (run_folder / "scenario.yaml").write_text(scenario)
+    page = Page(write_report(run_folder).read_text())
+    assert len(page.pictures) == 4 and "Only objects" not in page.words
 
 
 def test_a_run_without_its_log(run_folder: Path) -> None:
