@@ -1,8 +1,10 @@
 """What a run costs, by purpose."""
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class Costs:
@@ -19,3 +21,16 @@ class Costs:
             yield
         finally:
             self.seconds[purpose] = self.seconds.get(purpose, 0.0) + time.process_time() - start
+
+
+def peak_memory_mib() -> float:
+    """The most memory that this process has held at any time, MiB."""
+    try:
+        # What getrusage says of a process includes what its parent held when it was started.
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return int(next(line.split()[1] for line in lines if line.startswith("VmHWM:"))) / 1024
+    except (OSError, StopIteration):
+        import resource
+
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        return peak / 2**20 if sys.platform == "darwin" else peak / 1024

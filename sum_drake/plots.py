@@ -110,7 +110,8 @@ def matrix_plot(
     margin = 12 + 6.4 * max((len(name) for name in rows), default=0)
     head = 12 + 6.4 * max((len(name) for name in columns), default=0)
     left, top = margin + 22, 34 + head
-    width, height = left + cell * len(columns) + 12, top + cell * len(rows) + 30
+    width = max(left + cell * len(columns) + 12, 24 + 8.2 * len(title))
+    height = top + cell * len(rows) + 30
     parts = [_text(12, 20, title, size=14, weight=600)]
     parts.append(_text(14, top + cell * len(rows) / 2, y_label, anchor="middle", color=_FAINT, turn=-90))
     parts.append(_text(left + cell * len(columns) / 2, height - 10, x_label, anchor="middle", color=_FAINT))

@@ -99,12 +99,16 @@ class PrecisionRecall(Immutable):
     """How many there were to find."""
 
     @property
+    def envelope(self) -> Array:
+        """(p,): the best precision at each recall or a higher one."""
+        return np.asarray(np.maximum.accumulate(self.precision[::-1])[::-1])
+
+    @property
     def average_precision(self) -> float:
         """Area under the precision envelope, interpolated at all points (PASCAL VOC from 2010); nan without objects."""
         if not self.objects:
             return float("nan")
-        envelope = np.maximum.accumulate(self.precision[::-1])[::-1]
-        return float(np.sum(np.diff(self.recall, prepend=0.0) * envelope))
+        return float(np.sum(np.diff(self.recall, prepend=0.0) * self.envelope))
 
 
 def precision_recall(images: Sequence[ScoredImage], label: int, threshold: float = TRUE_IOU) -> PrecisionRecall:

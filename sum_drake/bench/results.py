@@ -1,0 +1,52 @@
+"""results.json, which every bench leaves: schema "sum-drake/bench/1"."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sum_drake.doctor import device, versions
+from sum_drake.jsonio import encode, write_json
+
+SCHEMA = "sum-drake/bench/1"
+
+
+def write_results(
+    out: Path,
+    bench: str,
+    *,
+    quick: bool,
+    settings: Mapping[str, Any],
+    seeds: Mapping[str, int],
+    figures: Mapping[str, float],
+    rows: Sequence[Mapping[str, Any]],
+) -> None:
+    """Writes `out`/results.json, whole or not at all.
+
+    Args:
+        bench: its name.
+        settings: what else it depends on.
+        seeds: by what they are for.
+        figures: name -> number; shares are 0 to 1. What cannot be known (nan) becomes null, in rows, too.
+        rows: the tables behind the figures; each row names its table under "table".
+    """
+    data = {
+        "schema": SCHEMA,
+        "bench": bench,
+        "quick": quick,
+        "settings": settings,
+        "seeds": seeds,
+        "versions": versions(),
+        "device": device(),
+        "figures": figures,
+        "rows": rows,
+    }
+    write_json(out / "results.json", _without_nan(encode(data)))
+
+
+def _without_nan(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_nan(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_without_nan(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
