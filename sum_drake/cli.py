@@ -12,11 +12,14 @@ import time
 import types
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from sum_drake import __version__
 from sum_drake.assets import InputError
 from sum_drake.files import write_whole
+
+if TYPE_CHECKING:
+    from sum_drake.detection.dataset_job import Plan
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -121,6 +124,24 @@ def _parser() -> argparse.ArgumentParser:
             one.add_argument("--out", type=Path, metavar="FILE", default=Path("objects.png"), help="PNG to write")
             one.add_argument("--force", action="store_true", help="replace the file that is there")
 
+    dataset = _add(
+        commands, "dataset", _dataset, "render the detector's data set; called again, it goes on", "dataset --quick"
+    )
+    dataset.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("data/detect"), help="where to (default: data/detect)"
+    )
+    dataset.add_argument(
+        "--scenes", type=int, nargs=4, metavar=("TRAIN", "VALIDATION", "TEST", "SHIFT"),
+        help="how many of each split (default: 560 60 200 200)",
+    )  # fmt: skip
+    dataset.add_argument("--seed", type=int, metavar="S", default=0, help="seed of the scenes (default: 0)")
+    dataset.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
+    dataset.add_argument("--quick", action="store_true", help="a small set, in about a minute")
+    dataset.add_argument(
+        "--workers", type=int, metavar="W", default=os.cpu_count() or 1, help="processes that render (default: all)"
+    )
+    dataset.add_argument("--quiet", action="store_true", help="no progress")
+
     train = _add(commands, "train", _train, "train the detector", "train --data data/detect --out out/train")
     train.add_argument("--data", type=Path, metavar="DIR", help="data set, as sum-drake dataset writes it")
     train.add_argument(
@@ -138,6 +159,35 @@ def _parser() -> argparse.ArgumentParser:
     train.add_argument("--quick", action="store_true", help="the whole path on a small set that is rendered first")
     train.add_argument("--catalogue", type=Path, metavar="FILE", help="objects, with --quick (default: the package's)")
     train.add_argument("--quiet", action="store_true", help="no progress")
+
+    detect = _add(
+        commands, "detect", _detect, "the objects in a picture of your own", "detect photo.jpg --out out/photo"
+    )
+    detect.add_argument("picture", type=Path, metavar="PICTURE", help="PNG or JPEG, 160 to 4096 pixels a side")
+    detect.add_argument("--depth", type=Path, metavar="FILE", help="its depth, PNG of 16 bits; 0 where it is missing")
+    detect.add_argument(
+        "--depth-scale", type=float, metavar="M", default=0.001, help="metres a unit of the depth (default: 0.001)"
+    )
+    detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
+    detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: detections/PICTURE)")
+    detect.add_argument("--force", action="store_true", help="replace the detections that are in the folder")
+
+    text = "the experiments: figures, tables and plots"
+    bench = commands.add_parser("bench", help=text, description=text, epilog="example: sum-drake bench detect --help")
+    benches = bench.add_subparsers(required=True, metavar="WHAT")
+    one = _add(
+        benches, "detect", _bench_detect, "the detector on scenes it has not seen", "bench detect --out out/detect"
+    )
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="where results.json and report.html go")
+    one.add_argument("--quick", action="store_true", help="a tenth of the pictures")
+    one.add_argument("--seed", type=int, metavar="S", default=0, help="of the scenes that are rendered (default: 0)")
+    one.add_argument("--data", type=Path, metavar="DIR", help="pictures of sum-drake dataset instead of rendering some")
+    one.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
+    one.add_argument("--catalogue", type=Path, metavar="FILE", help="objects (default: the package's fifteen)")
+    one.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
+    one.add_argument("--workers", type=int, metavar="W", default=os.cpu_count() or 1, help="processes (default: all)")
+    one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
+    one.add_argument("--quiet", action="store_true", help="no progress")
 
     report = _add(commands, "report", _report, "write a run's HTML report again", "report runs/3 --force")
     report.add_argument("run", type=Path, metavar="RUN", help="run folder")
@@ -226,17 +276,19 @@ def _sort(options: argparse.Namespace) -> None:
 RUN_FILES = ("scenario.yaml", "run.mcap", "summary.json", "report.html")
 
 
-def _check_free(out: Path, names: Sequence[str], *, force: bool) -> None:
-    """Refuses a folder that holds anything, unless it is a run to be replaced."""
+def _check_free(out: Path, names: Sequence[str], *, force: bool, what: str = "run") -> None:
+    """Refuses a folder that holds anything, unless it is a run, or what else, to be replaced: files of these names."""
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: a file; expected a folder or a new name")
     if not out.is_dir() or not any(out.iterdir()):
         return
     if not force:
-        raise InputError(f"--out {out}: exists and is not empty; expected a new folder, or --force to replace the run")
+        raise InputError(
+            f"--out {out}: exists and is not empty; expected a new folder, or --force to replace the {what}"
+        )
     foreign = sorted(path.name for path in out.iterdir() if path.name not in names)
     if foreign:
-        raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a run; expected a run folder")
+        raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a {what}; expected a {what} folder")
 
 
 def _check_writable(file: Path) -> None:
@@ -322,6 +374,50 @@ def _report(options: argparse.Namespace) -> None:
     print(write_report(options.run))
 
 
+def _dataset(options: argparse.Namespace) -> None:
+    import dataclasses
+
+    from sum_drake.detection.dataset import SPLITS
+    from sum_drake.detection.dataset_job import FULL, QUICK, describe
+
+    plan = dataclasses.replace(QUICK if options.quick else FULL, seed=options.seed)
+    if options.scenes is not None:
+        if min(options.scenes) < 1:
+            raise InputError(f"--scenes {' '.join(map(str, options.scenes))}: expected four counts of at least 1")
+        plan = dataclasses.replace(plan, scenes=dict(zip(SPLITS, options.scenes, strict=True)))
+    if options.seed < 0:
+        raise InputError(f"--seed {options.seed}: expected 0 or more")
+    if options.workers < 1:
+        raise InputError(f"--workers {options.workers}: expected at least 1")
+    _render_dataset(options.catalogue, options.out, plan, workers=options.workers, quiet=options.quiet)
+    print(describe(options.out))
+
+
+def _render_dataset(catalogue: Path | None, out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
+    """Renders with progress: a line that is redrawn on a terminal, else one line each half minute."""
+    from sum_drake.detection.dataset_job import render_dataset
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    objects = load_catalogue(catalogue)
+    require_rendering()
+    start = last = time.monotonic()
+
+    def report(what: str, done: int, total: int) -> None:
+        nonlocal last
+        now, terminal = time.monotonic(), sys.stderr.isatty()
+        if quiet or not (terminal or done == total or now - last > 30):
+            return
+        last, rate = now, done / (now - start)
+        line = (
+            f"{done} of {total} pictures, {rate:.1f} a second, {(total - done) / rate / 60:.0f} minutes left ({what})"
+        )
+        end = "" if terminal and done < total else "\n"
+        print(f"\r\033[K{line}" if terminal else line, end=end, file=sys.stderr, flush=True)
+
+    render_dataset(objects, out, plan, workers=workers, report=report)
+
+
 def _train(options: argparse.Namespace) -> None:
     import dataclasses
     import datetime
@@ -329,6 +425,7 @@ def _train(options: argparse.Namespace) -> None:
     import torch
 
     from sum_drake.detection.dataset import ImageSet
+    from sum_drake.detection.dataset_job import QUICK
     from sum_drake.detection.evaluation import evaluate
     from sum_drake.detection.inference import Detector
     from sum_drake.detection.training import Recipe, read_log, train
@@ -353,7 +450,8 @@ def _train(options: argparse.Namespace) -> None:
 
     if data is None:
         data = options.out / "data"
-        _render_quick_set(options.catalogue, data, options.seed, say)
+        plan = dataclasses.replace(QUICK, seed=options.seed)
+        _render_dataset(options.catalogue, data, plan, workers=options.threads, quiet=options.quiet)
         recipe = dataclasses.replace(recipe, epochs=options.epochs or 6, warm_up=40, averaging=0.98)
     weights = train(data, options.out, recipe, device=options.device, report=say)
     images = evaluate(Detector(weights), ImageSet(data, "validation"))
@@ -368,6 +466,81 @@ def _train(options: argparse.Namespace) -> None:
         versions=versions(),
     )
     print(file)
+
+
+def _detect(options: argparse.Namespace) -> None:
+    import cv2
+
+    from sum_drake.detection.inference import load_detector
+    from sum_drake.detection.listing import detection_rows, detection_table, draw_detections
+    from sum_drake.detection.picture import read_depth, read_picture
+    from sum_drake.jsonio import write_json
+
+    out = options.out if options.out is not None else Path("detections") / options.picture.stem
+    names = ("detections.json", "detections.png")
+    _check_free(out, names, force=options.force, what="detection")
+    color = read_picture(options.picture)
+    depth = read_depth(options.depth, color.shape[:2], scale=options.depth_scale) if options.depth is not None else None
+    detector = load_detector(options.weights)
+    detections = detector(color, depth)
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(out / names[0], detection_rows(detections))
+    drawn = draw_detections(color, detections, detector.labels)
+    _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
+    write_whole(out / names[1], png.tobytes())
+    print(detection_table(detections))
+    print(out / names[1])
+
+
+def _bench_detect(options: argparse.Namespace) -> None:
+    from sum_drake.bench.detect import FILES, bench_detect
+    from sum_drake.bench.detect_figures import format_figures
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    _check_free(options.out, FILES, force=options.force, what="bench")
+    catalogue = load_catalogue(options.catalogue)
+    if options.data is None:
+        require_rendering()
+    found = bench_detect(
+        options.out,
+        catalogue,
+        quick=options.quick,
+        seed=options.seed,
+        data=options.data,
+        weights=options.weights,
+        device=options.device,
+        workers=options.workers,
+        progress=_Counting(quiet=options.quiet),
+    )
+    print(format_figures(found))
+    print(options.out / "report.html")
+
+
+class _Counting:
+    """How many of how many, and the time left: a line redrawn on a terminal, else one each half minute."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet, self._terminal = quiet, sys.stderr.isatty()
+        self._told, self._of = float("-inf"), (0, 0)
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """what: that is being done; done: of `total`, from 0 or 1 on."""
+        now = time.monotonic()
+        if self._of[1] != total or done < self._of[0]:
+            self._begun, self._from, self._told = now, done, float("-inf")
+        self._of = (done, total)
+        if self._quiet or not (self._terminal or done == total or now - self._told > 30):
+            return
+        self._told = now
+        left = (now - self._begun) / (done - self._from) * (total - done) if done > self._from else None
+        line = f"{what}: {done} of {total}" + ("" if left is None else f", {_duration(left)} left")
+        end = "" if self._terminal and done < total else "\n"
+        print(f"\r\033[K{line}" if self._terminal else line, end=end, file=sys.stderr, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
 def _doctor(options: argparse.Namespace) -> None:

@@ -152,14 +152,13 @@ class ImageSet(Sequence[AnnotatedImage]):
     def __init__(self, folder: Path, split: str) -> None:
         if split not in SPLITS:
             raise InputError(f"split '{split}': expected one of {', '.join(SPLITS)}")
-        settings = read_settings(folder)
+        self.settings = read_settings(folder)
+        """What dataset.json says of how the pictures were made."""
         try:
-            expected = int(settings["scenes"][split])
-            self.labels = tuple(str(label) for label in settings["labels"])
+            expected = int(self.settings["scenes"][split])
+            self.labels = tuple(str(label) for label in self.settings["labels"])
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{folder / 'dataset.json'}: expected labels, and scenes of each split") from error
-        self.settings = settings
-        """What dataset.json says: where the pictures come from."""
         self._folder = folder
         scenes = [k for k in range(expected) if scene_folder(folder, split, k).is_dir()]
         if not scenes:

@@ -461,6 +461,7 @@ def _develop(picture: Picture, rng: np.random.Generator) -> bytes:
     # A camera measures the light; the middle of the picture, where the things are, counts most.
     middle = picture[HEIGHT // 4 : -HEIGHT // 4, WIDTH // 4 : -WIDTH // 4]
     gain = np.clip(rng.uniform(0.3, 0.6) / max(float(middle.mean()), 1e-3), 0.6, 3.0)
+    gain = min(gain, 1.25 / max(float(np.quantile(middle, 0.97)), 1e-3))
     balance = np.exp(rng.normal(0, 0.06, 3))
     color: NDArray[Any] = picture * (gain * balance).astype(np.float32)
     color = np.clip(color, 0, 1) ** np.float32(np.exp(rng.normal(0, 0.12)))
