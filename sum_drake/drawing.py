@@ -24,7 +24,11 @@ def label_color(label: str, catalogue: "Catalogue") -> Color:
     """RGB of a label, the same in every picture and table; neighbours in the catalogue differ most."""
     if label not in catalogue:
         return GREY
-    index = catalogue.labels.index(label)
+    return nth_color(catalogue.labels.index(label))
+
+
+def nth_color(index: int) -> Color:
+    """RGB of the label of that index; neighbours differ most."""
     r, g, b = colorsys.hls_to_rgb((0.08 + 0.618034 * index) % 1.0, (0.42, 0.55, 0.70)[index % 3], 0.85)
     return round(255 * r), round(255 * g), round(255 * b)
 

@@ -1,4 +1,5 @@
 import json
+import signal
 import subprocess
 import sys
 
@@ -31,12 +32,15 @@ def refused(capsys, *arguments):
     [
         (["--scenario-text", "{fliter: paper}"], ["fliter", "expected one of"]),
         (["--scenario-text", "{objects: {labels: [unicorn]}}"], ["unicorn", "tide"]),
-        (["--objects", "16"], ["16 objects", "1 to 15"]),
+        (["--objects", "16"], ["--objects: 16 objects", "1 to 15", "catalogue.yaml has"]),
         (["--objects", "0"], ["0 objects", "1 to 15"]),
         (["--seed", "-3"], ["random_seed -3"]),
         (["--scenario-file", "nowhere.yaml"], ["nowhere.yaml"]),
         (["--scenario-name", "nothing"], ["nothing", "sorting"]),
         (["--catalogue", "nowhere.yaml"], ["nowhere.yaml"]),
+        (["--catalogue", str(MODELS)], ["is a folder", "expected a YAML file"]),
+        (["--scenario-text", "{objects: {count: two}}"], ["objects: count is 'two'", "whole number"]),
+        (["--scenario-text", "{catalogue: nowhere.yaml}"], ["--scenario-text", "nowhere.yaml is missing"]),
         (["--graphviz", "no/such/folder/diagram.dot"], ["diagram.dot"]),
     ],
 )
@@ -71,6 +75,7 @@ def test_report_of_nothing_is_refused(capsys, tmp_path):
     assert "no such folder" in refused(capsys, "report", str(tmp_path / "none"))
     (tmp_path / "report.html").write_text("")
     assert "--force" in refused(capsys, "report", str(tmp_path))
+    assert "a file; expected the folder of a run" in refused(capsys, "report", str(tmp_path / "report.html"))
 
 
 def test_unknown_commands_exit_with_2(capsys):
@@ -80,11 +85,59 @@ def test_unknown_commands_exit_with_2(capsys):
 
 
 def test_every_command_has_help_with_an_example(capsys):
-    for command in (["sort"], ["objects", "list"], ["objects", "check"], ["objects", "render"], ["report"], ["doctor"]):
+    for command in (["sort"], ["objects", "list"], ["objects", "check"], ["objects", "render"], ["detect"], ["bench", "detect"], ["report"], ["doctor"]):
         with pytest.raises(SystemExit) as stop:
             main([*command, "--help"])
         assert stop.value.code == 0
         assert f"example: sum-drake {' '.join(command)}" in capsys.readouterr().out
+
+
+def test_help_of_sort_says_what_its_exit_codes_cover(capsys):
+    with pytest.raises(SystemExit):
+        main(["sort", "--help"])
+    words = " ".join(capsys.readouterr().out.split())
+    assert "The exit code is 0 when the run came to its own end, with objects left on the table, too" in words
+    assert "summary.json" in words
+
+
+def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path):
+    """Drake takes an import that is interrupted for a broken installation, and says so at length."""
+    (tmp_path / "slow.py").write_text(
+        "import os, signal, time\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "for _ in range(20):\n    time.sleep(0.01)\n"
+        "print('imported', flush=True)\n"
+    )
+    code = (
+        "import sys, time, sum_drake.cli as cli\n"
+        "def check(options):\n    import slow\n    time.sleep(30)\n"
+        "cli._doctor = check\n"
+        "sys.exit(cli.main(['doctor']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=20
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "imported\n", "sum-drake: interrupted\n")
+
+
+def test_an_interrupted_run_says_where_to_look(tmp_path):
+    """Before anything was written, and after."""
+    out = tmp_path / "my run"
+    sort = [sys.executable, "-m", "sum_drake.cli", "sort", "--scenario-text", ONE_EASY_OBJECT, "--out", str(out)]
+    with subprocess.Popen(sort, stderr=subprocess.PIPE, text=True) as process:
+        assert "pouring" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read() == "sum-drake: interrupted; nothing was written\n"
+    assert process.returncode == 130 and not out.exists()
+    with subprocess.Popen(sort, stderr=subprocess.PIPE, text=True) as process:
+        assert "pouring" in process.stderr.readline()
+        assert "observation 0" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        told = process.stderr.read()
+    assert process.returncode == 130
+    assert told == f"sum-drake: interrupted; {out} holds what was done until then: sum-drake report '{out}'\n"
+    assert main(["report", str(out)]) == 0
+    assert len(read_run_log(out / "run.mcap").perceptions) == 1
 
 
 def test_help_does_not_load_drake_or_torch():
@@ -139,9 +192,23 @@ def sort(*arguments):
 
 
 def test_a_run_and_its_resolved_scenario_in_another_process_are_the_same(tmp_path):
-    """The main job from end to end: pours, perceives, picks, places, sees that the table is clear, and says so."""
+    """The main job from end to end: pours, perceives, picks, places, sees that the table is clear, and says so.
+
+    With a catalogue of one's own, which the resolved scenario names.
+    """
     out_1, out_2, dot = tmp_path / "one", tmp_path / "two", tmp_path / "diagram.dot"
-    told = sort("--seed", "4", "--scenario-text", ONE_EASY_OBJECT, "--out", str(out_1), "--graphviz", str(dot))
+    own = tmp_path / "own.yaml"
+    objects = {"soup_can": "non-cleaning, symmetry: cylinder", "tide": "cleaning"}
+    own.write_text(
+        "objects:\n"
+        + "".join(
+            f"  {label}: {{mesh: {MODELS}/objects/{label}/{label}.obj, sdf: {MODELS}/objects/{label}/{label}.sdf,"
+            f" category: {category}}}\n"
+            for label, category in objects.items()
+        )
+    )
+    first = ("--catalogue", str(own), "--scenario-text", ONE_EASY_OBJECT, "--graphviz", str(dot))
+    told = sort("--seed", "4", *first, "--out", str(out_1))
     assert "observation 0" in told
     assert sort("--scenario-file", str(out_1 / "scenario.yaml"), "--out", str(out_2), "--quiet") == "", "--quiet"
     assert (out_1 / "scenario.yaml").read_text() == (out_2 / "scenario.yaml").read_text()

@@ -46,6 +46,7 @@ def bench_detect(
     seed: int = 0,
     data: Path | None = None,
     weights: Path | None = None,
+    device: str = "cpu",
     workers: int = 2,
     progress: Progress = lambda what, done, total: None,
 ) -> dict[str, float]:
@@ -56,6 +57,8 @@ def bench_detect(
         seed: of the pictures that are rendered.
         data: a data set whose splits test and shift are taken instead: the first view of each scene.
         weights: default: the package's.
+        device: where the network runs.
+        workers: processes that render and that measure.
 
     Raises InputError for weights or data that cannot be used.
     """
@@ -70,7 +73,7 @@ def bench_detect(
             render_dataset(catalogue, folder, _plan(images, seed), workers=workers, report=progress)
         sets = {split: _image_set(folder, split, detector.labels) for split in (TEST, SHIFT)}
         tasks = [(split, index) for split, pictures in sets.items() for index in _one_of_each_scene(pictures)[:images]]
-        measure = functools.partial(_measure, folder, weights, detector.labels)
+        measure = functools.partial(_measure, folder, weights, detector.labels, device)
         measured = list(_measure_all(tasks, measure, workers, progress))
         found = figures(measured, detector.threshold)
         settings = {
@@ -79,6 +82,7 @@ def bench_detect(
             "weights_sha256": hashlib.sha256((DEFAULT if weights is None else weights).read_bytes()).hexdigest(),
             "threshold": detector.threshold,
             "proposer": LEARNED,
+            "device": device,
             "workers": workers,
             "wall_s": time.monotonic() - start,
         }
@@ -128,9 +132,9 @@ _WARM_UP = 3
 class _Worker:
     """One process's detector, proposers and pictures."""
 
-    def __init__(self, folder: Path, weights: Path | None, labels: Sequence[str]) -> None:
+    def __init__(self, folder: Path, weights: Path | None, labels: Sequence[str], device: str) -> None:
         self.sets = {split: ImageSet(folder, split) for split in (TEST, SHIFT)}
-        self.detector = load_detector(weights, labels=labels)
+        self.detector = load_detector(weights, labels=labels, device=device)
         first = self.sets[TEST][:_WARM_UP]
         for image in first:
             self.detector.detect(image.color, image.depth)
@@ -167,18 +171,20 @@ class _Worker:
 
 
 @functools.lru_cache(maxsize=1)
-def _worker(folder: Path, weights: Path | None, labels: tuple[str, ...]) -> _Worker:
+def _worker(folder: Path, weights: Path | None, labels: tuple[str, ...], device: str) -> _Worker:
     """The process's own, made at its first picture."""
     import cv2
     import torch
 
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    return _Worker(folder, weights, labels)
+    return _Worker(folder, weights, labels, device)
 
 
-def _measure(folder: Path, weights: Path | None, labels: tuple[str, ...], task: tuple[str, int]) -> Measured:
-    return _worker(folder, weights, labels).measure(*task)
+def _measure(
+    folder: Path, weights: Path | None, labels: tuple[str, ...], device: str, task: tuple[str, int]
+) -> Measured:
+    return _worker(folder, weights, labels, device).measure(*task)
 
 
 def _ignore_interrupts() -> None:

@@ -38,7 +38,7 @@ def draw_boxes(picture: NDArray[np.uint8], marked: Sequence[MarkedBox]) -> NDArr
     placed: list[tuple[int, int, int, int]] = []
     for one in marked:
         if one.words:
-            placed.append(_words(image, one, placed, 0.42 * max(thick, max(image.shape[:2]) / 640)))
+            placed.append(_words(image, one, placed, 0.42 * max(1.0, max(image.shape[:2]) / 640)))
     return image
 
 
