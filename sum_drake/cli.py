@@ -337,13 +337,15 @@ def _objects_list(options: argparse.Namespace) -> None:
 
 
 def _objects_check(options: argparse.Namespace) -> None:
-    from sum_drake.objects import check
+    from sum_drake.objects import CATALOGUE, check
 
     findings = check(options.catalogue)
     print("\n".join(finding.line for finding in findings), flush=True)
     broken = sum(not finding.usable for finding in findings)
     if broken:
-        raise InputError(f"{options.catalogue}: {broken} of {len(findings)} objects cannot be used; expected none")
+        raise InputError(
+            f"{options.catalogue or CATALOGUE}: {broken} of {len(findings)} objects cannot be used; expected none"
+        )
 
 
 def _objects_render(options: argparse.Namespace) -> None:
