@@ -85,7 +85,16 @@ def test_unknown_commands_exit_with_2(capsys):
 
 
 def test_every_command_has_help_with_an_example(capsys):
-    for command in (["sort"], ["objects", "list"], ["objects", "check"], ["objects", "render"], ["detect"], ["bench", "detect"], ["report"], ["doctor"]):
+    for command in (
+        ["sort"],
+        ["objects", "list"],
+        ["objects", "check"],
+        ["objects", "render"],
+        ["detect"],
+        ["bench", "detect"],
+        ["report"],
+        ["doctor"],
+    ):
         with pytest.raises(SystemExit) as stop:
             main([*command, "--help"])
         assert stop.value.code == 0
