@@ -8,7 +8,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Box, Convex
+from pydrake.geometry import Box, Convex, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
@@ -20,6 +20,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from sum_drake.geometry import rotation_from_quaternion, rotation_from_vector, transform
+from sum_drake.rendering import fibonacci_sphere
 from sum_drake.types import Array, Immutable, readonly
 
 TABLE = 0.70
@@ -61,7 +62,7 @@ class Ground(Immutable):
 
 
 def pour(
-    bodies: Sequence[Body], ground: Ground, rng: np.random.Generator, *, duration: float = 1.2, step: float = 0.005
+    bodies: Sequence[Body], ground: Ground, rng: np.random.Generator, *, duration: float = 1.2, step: float = 0.006
 ) -> list[Array | None]:
     """Drops the bodies over the region in layers, turned at random; X_WO (4, 4) of each, None for what fell off.
 
@@ -82,6 +83,11 @@ def pour(
         for k, piece in enumerate(body.pieces):
             shape = Convex(points=piece.T, label=f"piece{i}_{k}")
             plant.RegisterCollisionGeometry(link, RigidTransform(), shape, f"piece{i}_{k}", _FRICTION)
+        # Two convex shapes touch in a single point, on which a box rocks and sinks in; feet give it more of them.
+        feet = np.unique((body.points @ fibonacci_sphere(14).T).argmax(axis=0))
+        for k in feet.tolist():
+            X_OF = RigidTransform(body.points[k])
+            plant.RegisterCollisionGeometry(link, X_OF, Sphere(1e-3), f"foot{i}_{k}", _FRICTION)
         links.append(link)
     plant.Finalize()
     simulator = Simulator(builder.Build())

@@ -1,7 +1,7 @@
 """The scenes of the data set: drawn from a seed, rendered by RenderEngineVtk, annotated from its label image.
 
-Three kinds of scene: the sorting station itself, with the robot's table, bins and head camera (a quarter); a table of
-any look onto which things are poured; the same with things tossed. Lights, shading, colours and textures hold for a
+Three kinds of scene: the sorting station itself, with the robot, its table, bins and head camera (a quarter of the
+scenes, none in `shift`); a table of any look onto which things are poured; the same with things tossed. Lights, shading, colours and textures hold for a
 scene, since an engine's lights are fixed; camera, exposure, colour balance, blur, noise and compression differ by view.
 
 What the splits train, validation and test have in common, and `shift` never shows:
@@ -131,7 +131,7 @@ class _Scene:
 
 
 def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) -> _Scene:
-    kind = rng.choice(["station", "poured", "tossed"], p=[0.25, 0.4, 0.35])
+    kind = rng.choice(["station", "poured", "tossed"], p=[0.0, 0.55, 0.45] if shift else [0.25, 0.4, 0.35])
     count = int(rng.integers(1, min(MAX_OBJECTS, len(catalogue)) + 1)) if rng.random() > 0.03 else 0
     labels = [catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count]]
     strange = int(rng.integers(0, 5))
@@ -157,8 +157,7 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
     ]
     if kind == "station":
         parts += _station_parts()
-        # The station's own light in half of its scenes: there the detector will work.
-        own_light = not shift and bool(rng.random() < 0.5)
+        own_light = bool(rng.random() < 0.5)  # There the detector will work.
     else:
         parts += _draw_room(ground, rng, shift=shift)
         own_light = False
