@@ -1,18 +1,16 @@
 """A run as one HTML page that opens without a network."""
 
-import base64
 import dataclasses
-import html
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
+from sum_drake import page
 from sum_drake.assets import InputError, one_line
-from sum_drake.drawing import Image, draw_depth, draw_perception, label_color, verdict
+from sum_drake.drawing import draw_depth, draw_perception, label_color, verdict
 from sum_drake.files import write_whole
 from sum_drake.jsonio import encode
 from sum_drake.runlog_reader import RunRecord, read_what_there_is
@@ -115,7 +113,7 @@ def _catalogue_path(scenario: str | None) -> Path | None:
 
 def _page(run: _Run, catalogue: "Catalogue") -> str:
     attempts = run.attempts()
-    parts = [_header(run), *(f'<p class="problem">{_text(problem)}</p>' for problem in run.problems)]
+    parts = [_header(run), *(f'<p class="problem">{page.text(problem)}</p>' for problem in run.problems)]
     if run.summary is not None:
         parts += [_figures(run.summary), "<h2>Objects</h2>", _object_table(run.summary["objects"], catalogue)]
     if attempts:
@@ -130,21 +128,14 @@ def _page(run: _Run, catalogue: "Catalogue") -> str:
     if run.summary is not None:
         parts += ["<h2>Costs</h2>", _timing(run.summary["timing"]), "<h2>Made with</h2>", _made_with(run.summary)]
     if run.scenario is not None:
-        parts.append(f"<details><summary>Scenario</summary><pre>{_text(run.scenario)}</pre></details>")
-    title = f"Sorting run {run.name}"
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{_text(title)}</title><style>{_STYLE}</style></head>\n<body><main>\n"
-        + "\n".join(parts)
-        + "\n</main></body></html>\n"
-    )
+        parts.append(f"<details><summary>Scenario</summary><pre>{page.text(run.scenario)}</pre></details>")
+    return page.page(f"Sorting run {run.name}", parts)
 
 
 def _header(run: _Run) -> str:
     outcome = "unfinished" if run.summary is None else run.summary["outcome"]
     kind = {"cleared": "good", "unfinished": "poor"}.get(outcome, "bad")
-    return f"<h1>Sorting run, seed {_text(run.seed)}</h1><p>{_chip(outcome, kind)}</p>"
+    return f"<h1>Sorting run, seed {page.text(run.seed)}</h1><p>{page.chip(outcome, kind)}</p>"
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -160,16 +151,15 @@ def _figures(summary: Mapping[str, Any]) -> str:
         ("simulated", _seconds(summary["timing"]["sim_time_s"])),
         ("took", _seconds(summary["timing"]["wall_s"])),
     ]
-    tiles = "".join(f"<div><b>{_text(value)}</b><span>{_text(name)}</span></div>" for name, value in figures)
-    return f'<div class="figures">{tiles}</div>'
+    return page.tiles(figures)
 
 
 def _object_table(objects: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
     rows = []
     for row in objects:
         kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
-        rows.append([_name(row["label"], catalogue), _text(row["goal"]), _chip(row["place"], kind)])
-    return _table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
+        rows.append([_name(row["label"], catalogue), page.text(row["goal"]), page.chip(row["place"], kind)])
+    return page.table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
 
 
 _OUTCOME_KINDS = {"sorted": "good", "infeasible": "plain", None: "plain"}
@@ -186,15 +176,15 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
         rows.append(
             [
                 str(row["step"]),
-                _name(row["label"], catalogue) + _text(mistaken),
-                _text(row["region"]),
-                _chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
-                _text(row["reason"].replace("_", " ") + knocked),
-                f"{row['grasp_candidates']} <small>dropped: {_text(causes)}</small>",
+                _name(row["label"], catalogue) + page.text(mistaken),
+                page.text(row["region"]),
+                page.chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
+                page.text(row["reason"].replace("_", " ") + knocked),
+                f"{row['grasp_candidates']} <small>dropped: {page.text(causes)}</small>",
                 _millimetres(row["slip_m"]),
             ]
         )
-    return _table(["after look", "object", "to", "outcome", "reason", "grasp candidates", "slip"], rows)
+    return page.table(["after look", "object", "to", "outcome", "reason", "grasp candidates", "slip"], rows)
 
 
 _LEGEND = (
@@ -210,14 +200,14 @@ def _observation(
     done_next: str,
     catalogue: "Catalogue",
 ) -> str:
-    picture = _picture(draw_perception(perception, catalogue), "Picture with detections and tracks")
-    depth = _picture(draw_depth(perception.frame.depth), "Depth")
+    picture = page.picture(draw_perception(perception, catalogue), "Picture with detections and tracks")
+    depth = page.picture(draw_depth(perception.frame.depth), "Depth")
     return (
         f"<section><h3>Look {perception.step} <small>at {perception.frame.time:.1f} s</small></h3>"
-        f"<p>{_text(_observed(perception, score))}</p>"
+        f"<p>{page.text(_observed(perception, score))}</p>"
         f'<div class="pictures">{picture}{depth}</div>'
         f"{_track_table(perception.posterior, score, catalogue)}"
-        f"<p>{_text(done_next)}</p></section>"
+        f"<p>{page.text(done_next)}</p></section>"
     )
 
 
@@ -274,7 +264,7 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
             [
                 str(track.id),
                 _name(track.label, catalogue),
-                _chip(verdict(track, belief.observation), "good" if track.accepted else "plain"),
+                page.chip(verdict(track, belief.observation), "good" if track.accepted else "plain"),
                 f"{track.probability:.2f}",
                 f"{track.p_box * track.p_label:.2f}",
                 f"{track.likelihood:.2f}",
@@ -296,17 +286,20 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
         "angle error",
         "visible",
     ]
-    return _table(heads, rows)
+    return page.table(heads, rows)
 
 
 def _timing(timing: Mapping[str, float | None]) -> str:
     costs = [(name, value) for name, value in timing.items() if value is not None]
     longest = max((value for _, value in costs), default=0.0) or 1.0
     rows = [
-        [_text(_words(name)), f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{_seconds(value)}']
+        [
+            page.text(_words(name)),
+            f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{_seconds(value)}',
+        ]
         for name, value in costs
     ]
-    return _table(["of", "cost"], rows) if rows else "<p>Nothing was measured.</p>"
+    return page.table(["of", "cost"], rows) if rows else "<p>Nothing was measured.</p>"
 
 
 def _words(name: str) -> str:
@@ -317,42 +310,13 @@ def _words(name: str) -> str:
 
 def _made_with(summary: Mapping[str, Any]) -> str:
     versions = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
-    device, digest = _text(summary["device"]), _text(summary["digest"])
-    return f'<p>{_text(versions)}; on {device}.</p><p class="digest">Digest {digest}</p>'
-
-
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Cells are HTML; columns in which nothing stands are left out.
-
-    On a narrow screen rows are stacked, so each cell carries its column's name.
-    """
-    columns = [column for column in zip(heads, *rows, strict=True) if any(column[1:])]
-    heads, *rows = zip(*columns, strict=True)
-    head = "".join(f"<th>{_text(name)}</th>" for name in heads)
-    body = "".join(
-        "<tr>"
-        + "".join(
-            f'<td data-name="{_text(name)}"><div>{cell}</div></td>' for name, cell in zip(heads, row, strict=True)
-        )
-        + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-
-
-def _picture(image: Image, words: str) -> str:
-    _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 82])
-    data = base64.b64encode(jpeg.tobytes()).decode()
-    return f'<img src="data:image/jpeg;base64,{data}" alt="{_text(words)}">'
+    device, digest = page.text(summary["device"]), page.text(summary["digest"])
+    return f'<p>{page.text(versions)}; on {device}.</p><p class="digest">Digest {digest}</p>'
 
 
 def _name(label: str, catalogue: "Catalogue") -> str:
     r, g, b = label_color(label, catalogue)
-    return f'<span class="name"><i style="background:rgb({r},{g},{b})"></i>{_text(label)}</span>'
-
-
-def _chip(words: str, kind: str) -> str:
-    return f'<span class="chip {kind}">{_text(words)}</span>'
+    return f'<span class="name"><i style="background:rgb({r},{g},{b})"></i>{page.text(label)}</span>'
 
 
 def _millimetres(value: float | None) -> str:
@@ -365,51 +329,3 @@ def _degrees(value: float | None) -> str:
 
 def _seconds(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.1f} s"
-
-
-def _text(value: str) -> str:
-    return html.escape(value)
-
-
-_STYLE = """
-:root { --ink: #1d2329; --faint: #66707a; --line: #d9dee3; --good: #1a7f4b; --bad: #b3261e; --poor: #9a6700; }
-* { box-sizing: border-box; }
-body { margin: 0; background: #f5f6f8; color: var(--ink); font: 15px/1.5 system-ui, sans-serif; }
-main { max-width: 1100px; margin: 0 auto; padding: 24px 16px 64px; }
-h1 { font-size: 26px; margin: 0; } h2 { font-size: 20px; margin: 36px 0 10px; } h3 { font-size: 17px; margin: 0; }
-small, .legend { color: var(--faint); } h3 small { font-weight: normal; }
-p { margin: 6px 0; }
-section { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 14px; margin: 14px 0; }
-.problem { background: #fff4e0; border-left: 4px solid var(--poor); padding: 8px 12px; overflow-wrap: anywhere; }
-.figures { display: flex; flex-wrap: wrap; gap: 10px; margin: 16px 0; }
-.figures div { background: #fff; border: 1px solid var(--line); border-radius: 8px; }
-.figures div { padding: 8px 14px; flex: 1 1 130px; }
-.figures b { display: block; font-size: 20px; } .figures span { color: var(--faint); font-size: 13px; }
-.pictures { display: flex; flex-wrap: wrap; gap: 8px; align-items: flex-start; margin: 10px 0; }
-.pictures img { width: 100%; min-width: 0; border-radius: 4px; }
-.pictures img:first-child { flex: 2.1 1 480px; } .pictures img:last-child { flex: 1 1 230px; }
-table { width: 100%; border-collapse: collapse; background: #fff; font-size: 14px; }
-th { text-align: left; color: var(--faint); font-weight: 600; font-size: 12.5px; }
-th, td { padding: 5px 8px; border-bottom: 1px solid var(--line); vertical-align: top; }
-td { font-variant-numeric: tabular-nums; }
-.chip { border-radius: 10px; padding: 1px 9px; font-size: 13px; background: #e8ebee; white-space: nowrap; }
-.chip.good { background: #dcf3e6; color: var(--good); } .chip.bad { background: #fbe3e1; color: var(--bad); }
-.chip.poor { background: #fff0d6; color: var(--poor); }
-h1 + p .chip { white-space: normal; font-size: 15px; }
-.name { white-space: nowrap; }
-.name i { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
-.bar { display: inline-block; height: 11px; margin-right: 8px; background: #5b8def; min-width: 2px; }
-.digest { font: 12px monospace; color: var(--faint); overflow-wrap: anywhere; }
-pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }
-@media (max-width: 640px) {
-  thead { display: none; }
-  tr { display: grid; grid-template-columns: 1fr 1fr; padding: 6px 0; border-bottom: 1px solid var(--line); }
-  td { border: 0; padding: 2px 8px; }
-  td::before { content: attr(data-name); color: var(--faint); font-size: 12.5px; display: block; }
-  td:has(> div:empty) { display: none; }
-}
-@media print {
-  body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
-  section, .figures div, tr { break-inside: avoid; } * { print-color-adjust: exact; }
-}
-"""
