@@ -8,6 +8,7 @@ Definitions, and where they come from (Sui et al. 2017, section VI):
   mesh, when the estimate lies within 5 cm of it. Every other track is a false positive, and rejected when the belief
   does not accept it. The paper's "ratio of rejected detection false positives" is then
   false_positives_rejected / false_positives.
+- A *detection* is false when its likeliest label is not that of what is in its box, by the same rule.
 - A *trial* is an attempt for which the arm set out. A *manipulation error* is a trial that ends neither sorted nor
   missorted for a wrong label, or that knocks another object off the table.
 - The *completion ratio* is the share of the objects with a place to go that rest there at the end.
@@ -25,7 +26,7 @@ from sum_drake.geometry import box_iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.rendering import predicted_box
 from sum_drake.summary_schema import SCHEMA, TIMING
-from sum_drake.types import LEAVE, Array, Attempt, Frame, Immutable, Perception, Region, Track
+from sum_drake.types import LEAVE, Array, Attempt, Box, Frame, Immutable, Perception, Region, Track
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -108,8 +109,63 @@ def score_observation(perception: Perception, truth: Truth, catalogue: "Catalogu
         "false_positives_rejected": sum(not is_true and not accepted for is_true, accepted in verdicts),
         "true_tracks": sum(is_true for is_true, _ in verdicts),
         "true_tracks_accepted": sum(is_true and accepted for is_true, accepted in verdicts),
+        "false_detections": _false_detections(perception, truth, catalogue),
         "poses": poses,
     }
+
+
+def _false_detections(perception: Perception, truth: Truth, catalogue: "Catalogue") -> list[dict[str, Any]]:
+    """The rows of `false_detections`: detections whose likeliest label is wrong, and what became of them."""
+    tracks = {track.id: track for track in perception.posterior.tracks}
+    fed = _tracks_fed(perception)
+    rows = []
+    for index, detection in enumerate(perception.detections):
+        label, p_label = detection.p_labels[0]
+        own = [tracks[id] for id in fed.get(index, ()) if id in tracks]
+        right = [track for track in own if _stands_for_an_object(track, perception.frame, truth, catalogue)]
+        if any(track.label == label for track in right) or _holds(
+            detection.box, label, perception.frame, truth, catalogue
+        ):
+            continue
+        accepted = next((track for track in own if track.accepted), None)
+        if accepted is None:
+            fate = "rejected" if own else "unused"
+        else:
+            fate = "corrected" if accepted in right else "accepted"
+        rows.append(
+            {
+                "box": list(detection.box),
+                "label": label,
+                "probability": float(detection.p_box * p_label),
+                "fate": fate,
+                "accepted_as": None if accepted is None else accepted.label,
+            }
+        )
+    return rows
+
+
+def _tracks_fed(perception: Perception) -> dict[int, list[int]]:
+    """Index of a detection -> ids of the tracks it feeds; new ones are numbered in the order of the associations."""
+    fed: dict[int, list[int]] = {}
+    next_id = perception.prior.next_id
+    for pair in perception.associations:
+        fed.setdefault(pair.detection, []).append(next_id if pair.track is None else pair.track)
+        next_id += pair.track is None
+    return fed
+
+
+def _stands_for_an_object(track: Track, frame: Frame, truth: Truth, catalogue: "Catalogue") -> bool:
+    X_WO = _nearest(track, truth)
+    return X_WO is not None and _is_true(track, X_WO, frame, catalogue)
+
+
+def _holds(box: Box, label: str, frame: Frame, truth: Truth, catalogue: "Catalogue") -> bool:
+    """Whether an object of the label is where the box is, by the overlap alone."""
+    return any(
+        box_iou(box, predicted_box(np.asarray(catalogue[label].load_mesh().vertices), X_WO, frame)) >= TRUE_IOU
+        for other, X_WO in truth.X_WOs
+        if other == label
+    )
 
 
 def _nearest(track: Track, truth: Truth) -> Array | None:

@@ -23,6 +23,14 @@ OUTCOMES = {
 }
 """How an attempt ended, by the truth."""
 
+FATES = {
+    "rejected": "what it gave rise to was not accepted",
+    "corrected": "another of its labels was accepted, and is right",
+    "accepted": "what it gave rise to was accepted, and is wrong",
+    "unused": "it gave rise to nothing",
+}
+"""What became of a false detection."""
+
 # What the file must hold: a type, a union of types, [rows of a kind], {fields} or {str: type}.
 _POSE = {
     "track": int,
@@ -44,6 +52,14 @@ _OBSERVATION = {
     "true_tracks_accepted": int | None,
     "poses": [_POSE],
 }
+_FALSE_DETECTION = {
+    "box": [float],
+    "label": str,
+    "probability": float,
+    "fate": str,
+    "accepted_as": str | None,
+}
+"""A row of an observation's `false_detections`, which summaries written before there was a detector do without."""
 _ATTEMPT = {
     "step": int,
     "track": int,
@@ -89,6 +105,12 @@ def validate_summary(data: Any) -> None:
         raise InputError(f"summary.schema: {data['schema']!r}; expected {SCHEMA!r}")
     if data["outcome"] != "cleared" and not data["outcome"].startswith("stopped: "):
         raise InputError(f"summary.outcome: {data['outcome']!r}; expected 'cleared' or 'stopped: <reason>'")
+    for i, row in enumerate(data["observations"]):
+        where = f"summary.observations[{i}].false_detections"
+        _check(row.get("false_detections", []), [_FALSE_DETECTION], where)
+        for j, detection in enumerate(row.get("false_detections", [])):
+            if detection["fate"] not in FATES:
+                raise InputError(f"{where}[{j}].fate: {detection['fate']!r}; expected one of {', '.join(FATES)}")
     for i, row in enumerate(data["attempts"]):
         if row["outcome"] not in OUTCOMES:
             raise InputError(

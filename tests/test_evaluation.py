@@ -23,8 +23,10 @@ from sum_drake.rendering import predicted_box
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import (
     Array,
+    Association,
     Attempt,
     Camera,
+    Detection,
     Frame,
     Perception,
     PickPlace,
@@ -82,6 +84,73 @@ def track(
     box = predicted_box(np.asarray(catalogue[label].load_mesh().vertices), box_at, frame())
     belief = PoseBelief(X_WO[None], np.ones(1))
     return Track(0, label, box, 0.9, 0.9, belief, X_WO, 0.8, 0.9 if accepted else 0.1, accepted, 0, 0)
+
+
+def detected(catalogue: Catalogue, X_WO: Array, shape: str, *p_labels: tuple[str, float]) -> Detection:
+    """A detection around an object of a shape at X_WO, with the labels that it is given."""
+    box = predicted_box(np.asarray(catalogue[shape].load_mesh().vertices), X_WO, frame())
+    return Detection(box, 0.9, p_labels)
+
+
+def observe(catalogue: Catalogue, detections: list[Detection], fed: list[tuple[int, Track, bool]]) -> Perception:
+    """An observation of these detections; fed: index of a detection, the track it feeds, whether that is new."""
+    next_id = 5
+    associations, tracks = [], []
+    for index, one, new in fed:
+        id = next_id if new else one.id
+        next_id += new
+        associations.append(Association(index, one.label, None if new else id, 0.5))
+        tracks.append(dataclasses.replace(one, id=id, box=detections[index].box))
+    prior, posterior = SceneBelief(-1, (), 5), SceneBelief(0, tuple(tracks), next_id)
+    return Perception(0, frame(), tuple(detections), tuple(associations), prior, posterior, None)
+
+
+# False detections.
+
+
+def test_false_detections_are_listed_with_what_became_of_them(catalogue: Catalogue) -> None:
+    here, there, away = at(*TABLE), at(0.7, -0.2, 0.76), at(0.5, 0.3, 0.76)
+    detections = [
+        detected(catalogue, here, "sugar", ("sugar", 0.8), ("tide", 0.1)),  # right
+        detected(catalogue, there, "tide", ("mug", 0.6), ("tide", 0.3)),  # a tide, taken for a mug
+        detected(catalogue, away, "mug", ("mug", 0.5)),  # nothing is there: rejected
+        detected(catalogue, at(0.9, 0.3, 0.76), "mug", ("toy", 0.4)),  # nothing is there: believed
+        detected(catalogue, at(0.9, -0.3, 0.76), "mug", ("ranch", 0.03)),  # nothing is there: too improbable
+    ]
+    fed = [
+        (0, track(catalogue, "sugar", here), False),
+        (0, track(catalogue, "tide", here, accepted=False), True),
+        (1, track(catalogue, "mug", there, accepted=False), True),
+        (1, track(catalogue, "tide", there), True),
+        (2, dataclasses.replace(track(catalogue, "mug", away, accepted=False), id=3), False),
+        (3, track(catalogue, "toy", at(0.9, 0.3, 0.76)), True),
+    ]
+    row = score_observation(
+        observe(catalogue, detections, fed), Truth(0, (("sugar", here), ("tide", there))), catalogue
+    )
+    found = [(one["label"], one["fate"], one["accepted_as"]) for one in row["false_detections"]]
+    assert found == [
+        ("mug", "corrected", "tide"),
+        ("mug", "rejected", None),
+        ("toy", "accepted", "toy"),
+        ("ranch", "unused", None),
+    ]
+    first = row["false_detections"][0]
+    assert first["box"] == list(detections[1].box)
+    assert first["probability"] == pytest.approx(0.9 * 0.6)
+
+
+def test_a_box_on_what_shows_of_a_hidden_object_is_right_where_the_estimate_is(catalogue: Catalogue) -> None:
+    here = at(*TABLE)
+    whole = detected(catalogue, here, "sugar", ("sugar", 0.8))
+    x, y, w, h = whole.box
+    part = dataclasses.replace(whole, box=(x, y, w, 0.3 * h))
+    truth_here = Truth(0, (("sugar", here),))
+    near = observe(catalogue, [part], [(0, track(catalogue, "sugar", at(0.72, 0.1, 0.76)), True)])
+    assert score_observation(near, truth_here, catalogue)["false_detections"] == []
+    far = observe(catalogue, [part], [(0, track(catalogue, "sugar", at(0.5, -0.3, 0.76), accepted=False), True)])
+    (row,) = score_observation(far, truth_here, catalogue)["false_detections"]
+    assert row["fate"] == "rejected"
 
 
 # Where things are.

@@ -27,9 +27,12 @@ def names(kind: Any) -> list[str]:
 
 @pytest.mark.parametrize(
     "listed",
-    [summary_schema.OUTCOMES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES, names(summary_schema._SUMMARY)],
-    ids=["outcomes", "reasons", "causes", "symmetries", "summary"],
-)
+    [
+        summary_schema.OUTCOMES, summary_schema.FATES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES,
+        names(summary_schema._SUMMARY), names(summary_schema._FALSE_DETECTION),
+    ],
+    ids=["outcomes", "fates", "reasons", "causes", "symmetries", "summary", "false detections"],
+)  # fmt: skip
 def test_everything_is_listed(listed: Any) -> None:
     assert sorted(set(listed) - WORDS) == []
 

@@ -41,3 +41,20 @@ def test_validation_names_the_field(path: tuple[str | int, ...], value: object, 
     if path[-1] != "ik":
         with pytest.raises(InputError, match="missing"):
             validate_summary(broken)
+
+
+def test_false_detections_may_be_missing_but_not_wrong() -> None:
+    data = make_summary([attempt(0, "sugar", "left")], [truth(0, **START), truth(1, **START)])
+    counts = dict.fromkeys(
+        ("step", "detections", "tracks", "false_positives", "false_positives_rejected", "true_tracks",
+         "true_tracks_accepted"), 0,
+    )  # fmt: skip
+    row: dict[str, Any] = {"box": [1.0, 2.0, 3.0, 4.0], "label": "mug", "probability": 0.5, "accepted_as": None}
+    validate_summary(data | {"observations": [counts | {"poses": []}]})
+    validate_summary(data | {"observations": [counts | {"poses": [], "false_detections": [row | {"fate": "unused"}]}]})
+    with pytest.raises(InputError, match=r"observations\[0\]\.false_detections\[0\]\.fate: 'lost'; expected one of"):
+        validate_summary(
+            data | {"observations": [counts | {"poses": [], "false_detections": [row | {"fate": "lost"}]}]}
+        )
+    with pytest.raises(InputError, match=r"false_detections\[0\]\.fate: missing"):
+        validate_summary(data | {"observations": [counts | {"poses": [], "false_detections": [row]}]})
