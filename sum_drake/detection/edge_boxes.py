@@ -8,6 +8,7 @@ The loops are compiled with numba; the machine code is kept, so that only the fi
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from sum_drake.assets import InputError
 from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
 from sum_drake.detection.proposals import Proposals, make_proposals
-from sum_drake.types import Immutable
+from sum_drake.types import Array, Immutable
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
@@ -33,8 +34,8 @@ class EdgeBoxesConfig:
     """IoU of neighbouring windows of the grid: its step in position, scale and aspect ratio."""
     beta: float = 0.75
     """IoU over which the worse of two boxes is suppressed."""
-    eta: float = 1.0
-    """Factor on beta after each box kept, down to .5. 1, as published, leaves beta alone."""
+    eta: float = 0.999
+    """Factor on beta after each box kept, down to .5, as in the authors' code: spreads the later boxes. 1: none."""
     gamma: float = 2.0
     """Exponent of the affinity of two groups (eq. 1)."""
     kappa: float = 1.5
@@ -83,13 +84,18 @@ class EdgeBoxes(Immutable):
 
 def edge_boxes(edges: Edges, config: EdgeBoxesConfig) -> Proposals:
     """Proposals of an edge map, in pixels of the picture that it was made from."""
-    groups = group_edges(
+    ids = group_edges(
         edges.magnitude, edges.orientation, config.edge_min_magnitude, config.group_bend, config.group_min_magnitude
     )
-    least = config.min_box_area * edges.scale**2
-    windows = _windows(*edges.magnitude.shape, config.alpha, least, config.max_aspect_ratio)
-    index = _index(edges.magnitude, groups, _affinities(groups, config.gamma), config.edge_min_magnitude, config.kappa)
-    boxes, scores = _search(windows, index, config.alpha, config.min_score)
+    groups = describe_groups(ids, edges.magnitude, edges.orientation)
+    index = _index(
+        np.where(edges.magnitude > config.edge_min_magnitude, edges.magnitude, 0),
+        groups,
+        affinities(groups, config.gamma),
+        config.kappa,
+    )
+    windows = make_windows(ids.shape, config.alpha, config.min_box_area * edges.scale**2, config.max_aspect_ratio)
+    boxes, scores = _search(windows, index, _shift(config.alpha), config.min_score)
     order = np.argsort(-scores, kind="stable")
     kept = order[_suppress(boxes[order], config.beta, config.eta, config.max_boxes)]
     # The border of a scored box crosses no contour: what it holds begins a pixel inside, and ends before its last one.
@@ -105,20 +111,6 @@ def compiled(function: F) -> F:
         return cast(F, numba.njit(function))
 
 
-class Groups(NamedTuple):
-    """Edge groups (section 3.1), numbered from 1. Entry 0 of the arrays is nobody's."""
-
-    ids: Ints
-    """(h, w): the pixel's group; 0 or less: none."""
-    magnitude: Floats
-    """(n + 1,): sum over the group."""
-    x: Floats
-    """(n + 1,): mean position, weighted by magnitude."""
-    y: Floats
-    orientation: Floats
-    """(n + 1,): mean direction of the gradient, radians."""
-
-
 @compiled
 def _turn(a: float, b: float) -> float:
     """Between two orientations, which are equal up to half a turn: 0 to .5, in units of pi."""
@@ -127,11 +119,12 @@ def _turn(a: float, b: float) -> float:
 
 
 @compiled
-def group_edges(magnitude: Floats, orientation: Floats, least: float, bend: float, group_least: float) -> Groups:
+def group_edges(magnitude: Floats, orientation: Floats, least: float, bend: float, group_least: float) -> Ints:
     """Joins 8-connected edge pixels, always the one that turns least, until the turns sum to `bend`.
 
     magnitude, orientation: (h, w). Pixels up to `least` and the picture's rim belong to no group. What a group of up to
-    `group_least` in sum held goes to the neighbouring groups of nearest orientation.
+    `group_least` in sum held goes to the neighbouring groups of nearest orientation. Returns each pixel's group (h, w),
+    counted from 1 with gaps; 0 or less: none.
     """
     h, w = magnitude.shape
     ids = np.full((h, w), -1, np.int32)
@@ -158,19 +151,23 @@ def group_edges(magnitude: Floats, orientation: Floats, least: float, bend: floa
                             found_by[v, u] = count
                             xs[n], ys[n], turns[n] = u, v, _turn(orientation[v, u], orientation[y, x])
                             n += 1
-                if n == 0:
+                best, least_turn = -1, 1.0
+                for i in range(n):
+                    if turns[i] < least_turn:
+                        best, least_turn = i, turns[i]
+                if best < 0:
                     break
-                best = np.argmin(turns[:n])
                 x, y = xs[best], ys[best]
-                total += turns[best]
-                turns[best] = np.inf  # taken; where all are, so is the sum
+                total += least_turn
+                turns[best] = 1.0  # taken: no turn is as large
 
-    ids = _give_away_small(ids, magnitude, orientation, count, group_least)
-    return _describe(ids, magnitude, orientation, count)
+    _give_away_small(ids, magnitude, orientation, count, group_least)
+    return ids
 
 
 @compiled
-def _give_away_small(ids: Ints, magnitude: Floats, orientation: Floats, count: int, least: float) -> Ints:
+def _give_away_small(ids: Ints, magnitude: Floats, orientation: Floats, count: int, least: float) -> None:
+    """Hands the pixels of small groups on, changing ids in place, until none has a neighbour left to go to."""
     h, w = ids.shape
     sums = np.zeros(count + 1, np.float32)
     for x in range(1, w - 1):
@@ -202,44 +199,47 @@ def _give_away_small(ids: Ints, magnitude: Floats, orientation: Floats, count: i
                 free_x[left], free_y[left] = x, y
                 left += 1
         if left == n:
-            return ids
+            return
         n = left
 
 
-@compiled
-def _describe(ids: Ints, magnitude: Floats, orientation: Floats, count: int) -> Groups:
-    h, w = ids.shape
-    number = np.zeros(count + 1, np.int32)
-    for y in range(h):
-        for x in range(w):
-            if ids[y, x] > 0:
-                number[ids[y, x]] = 1
-    n = 0
-    for i in range(count + 1):
-        if number[i]:
-            n += 1
-            number[i] = n
-    sums, xs, ys = np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32)
-    cosines, sines = np.zeros(n + 1, np.float32), np.zeros(n + 1, np.float32)
-    for y in range(h):
-        for x in range(w):
-            if ids[y, x] > 0:
-                i = ids[y, x] = number[ids[y, x]]
-                m = magnitude[y, x]
-                sums[i] += m
-                xs[i] += m * x
-                ys[i] += m * y
-                cosines[i] += m * np.cos(2 * orientation[y, x])
-                sines[i] += m * np.sin(2 * orientation[y, x])
-    sums_or_1 = np.where(sums > 0, sums, np.float32(1))
-    return Groups(ids, sums, xs / sums_or_1, ys / sums_or_1, np.arctan2(sines, cosines) / np.float32(2))
+class Groups(NamedTuple):
+    """Edge groups (section 3.1), numbered from 1. Entry 0 of the arrays is nobody's."""
+
+    ids: Ints
+    """(h, w): the pixel's group; 0: none."""
+    magnitude: Array
+    """(n,): sum over the group."""
+    x: Array
+    """(n,): mean position, weighted by magnitude."""
+    y: Array
+    orientation: Array
+    """(n,): mean direction of the gradient, radians."""
+
+
+def describe_groups(ids: Ints, magnitude: Floats, orientation: Floats) -> Groups:
+    """The groups of pixels of equal positive id (h, w), renumbered without gaps."""
+    rows, columns = np.nonzero(ids > 0)
+    _, numbers = np.unique(ids[rows, columns], return_inverse=True)
+    numbers = numbers + 1
+    renumbered = np.zeros_like(ids)
+    renumbered[rows, columns] = numbers
+    m, angle = magnitude[rows, columns], 2 * orientation[rows, columns]
+
+    def total(values: NDArray[Any]) -> Array:
+        return np.asarray(np.bincount(numbers, m * values, minlength=1), dtype=np.float64)
+
+    sums = total(np.ones_like(m))
+    safe = np.where(sums > 0, sums, 1)
+    mean = np.arctan2(total(np.sin(angle)), total(np.cos(angle))) / 2
+    return Groups(renumbered, sums, total(columns) / safe, total(rows) / safe, mean)
 
 
 class Affinities(NamedTuple):
     """Who is akin to whom, as compressed rows: group i's are at start[i] to start[i + 1]."""
 
     start: Ints
-    """(n + 2,)."""
+    """(n + 1,)."""
     group: Ints
     value: Floats
 
@@ -250,62 +250,38 @@ LEAST_AFFINITY = 0.05
 """Weaker ties, and weaker chains of them, count as none (section 3.2)."""
 
 
-@compiled
-def _affinities(groups: Groups, gamma: float) -> Affinities:
+def affinities(groups: Groups, gamma: float) -> Affinities:
     """|cos(o_i - o_ij) cos(o_j - o_ij)|^gamma of groups near each other (eq. 1)."""
-    ids = groups.ids
-    h, w = ids.shape
     n = len(groups.magnitude)
-    pairs = np.empty(h * w, np.int64)
-    m = 0
-    for y in range(NEAR, h - NEAR):
-        for x in range(NEAR, w - NEAR):
-            a = ids[y, x]
-            if a <= 0:
-                continue
-            last = 0
-            for v in range(y - NEAR, y + NEAR + 1):
-                for u in range(x - NEAR, x + NEAR + 1):
-                    b = ids[v, u]
-                    if b > a and b != last:
-                        if m == len(pairs):
-                            pairs = np.concatenate((pairs, np.empty(m, np.int64)))
-                        pairs[m] = np.int64(a) * n + b
-                        m += 1
-                        last = b
-    pairs = np.unique(pairs[:m])
-
-    values = np.empty(len(pairs), np.float32)
-    start = np.zeros(n + 1, np.int32)
-    for k in range(len(pairs)):
-        a, b = pairs[k] // n, pairs[k] % n
-        # Orientations are gradients', so across a contour that runs from one mean to the other.
-        across = np.arctan2(groups.y[a] - groups.y[b], groups.x[a] - groups.x[b]) + np.pi / 2
-        tie = abs(np.cos(groups.orientation[a] - across) * np.cos(groups.orientation[b] - across)) ** gamma
-        values[k] = tie
-        if tie >= LEAST_AFFINITY:
-            start[a + 1] += 1
-            start[b + 1] += 1
-    start = np.cumsum(start).astype(np.int32)
-    end = start[:-1].copy()
-    group, value = np.empty(start[-1], np.int32), np.empty(start[-1], np.float32)
-    for k in range(len(pairs)):
-        a, b = pairs[k] // n, pairs[k] % n
-        if values[k] >= LEAST_AFFINITY:
-            for i, j in ((a, b), (b, a)):
-                group[end[i]], value[end[i]] = j, values[k]
-                end[i] += 1
-    return Affinities(start, group, value)
+    h, w = groups.ids.shape
+    padded = np.pad(groups.ids, NEAR).astype(np.int64)
+    pairs = []
+    for dy in range(NEAR + 1):
+        for dx in range(-NEAR if dy else 1, NEAR + 1):  # the other half is its mirror image
+            there = padded[NEAR + dy : NEAR + dy + h, NEAR + dx : NEAR + dx + w]
+            near = (groups.ids > 0) & (there > 0) & (groups.ids != there)
+            a, b = groups.ids[near], there[near]
+            pairs.append(np.unique(np.minimum(a, b) * n + np.maximum(a, b)))
+    a, b = np.divmod(np.unique(np.concatenate(pairs)), n)
+    # Orientations are gradients', so across a contour that runs from one mean to the other.
+    across = np.arctan2(groups.y[a] - groups.y[b], groups.x[a] - groups.x[b]) + np.pi / 2
+    value = np.abs(np.cos(groups.orientation[a] - across) * np.cos(groups.orientation[b] - across)) ** gamma
+    strong = value >= LEAST_AFFINITY
+    source, target = np.concatenate([a[strong], b[strong]]), np.concatenate([b[strong], a[strong]])
+    order = np.lexsort([target, source])
+    start = np.searchsorted(source[order], np.arange(n + 1))
+    value = np.tile(value[strong], 2)[order]
+    return Affinities(start.astype(np.int32), target[order].astype(np.int32), value.astype(np.float32))
 
 
 class _Index(NamedTuple):
     """What makes the score of a box quick (section 3.3)."""
 
-    group_sums: NDArray[np.float64]
+    group_sums: Array
     """(h + 1, w + 1): integral image of the groups' magnitudes, each at one pixel of its group."""
-    pixel_sums: NDArray[np.float64]
+    pixel_sums: Array
     """(h + 1, w + 1): integral image of the edge pixels' magnitudes."""
-    magnitude: Floats
+    magnitude: Array
     """(n,): of the groups."""
     x: Ints
     """(n,): the pixel at which the group stands in `group_sums`."""
@@ -330,57 +306,40 @@ class _Index(NamedTuple):
     """... if this is the number, at [n], of the box being scored."""
 
 
-@compiled
-def _index(magnitude: Floats, groups: Groups, affinities: Affinities, least: float, kappa: float) -> _Index:
-    ids = groups.ids
-    h, w = ids.shape
+def _index(magnitude: Floats, groups: Groups, ties: Affinities, kappa: float) -> _Index:
+    """magnitude: (h, w), 0 where it does not count."""
+    h, w = groups.ids.shape
     n = len(groups.magnitude)
-    xs, ys = np.zeros(n, np.int32), np.zeros(n, np.int32)
-    for x in range(w):
-        for y in range(h):
-            if ids[y, x] > 0:
-                xs[ids[y, x]], ys[ids[y, x]] = x, y
-    at = np.zeros((h, w), np.float32)
-    for i in range(1, n):
-        at[ys[i], xs[i]] = groups.magnitude[i]
-    group_sums, pixel_sums = np.zeros((h + 1, w + 1)), np.zeros((h + 1, w + 1))
-    for y in range(h):
-        group_row = pixel_row = 0.0
-        for x in range(w):
-            group_row += at[y, x]
-            pixel_row += magnitude[y, x] if magnitude[y, x] > least else 0.0
-            group_sums[y + 1, x + 1] = group_sums[y, x + 1] + group_row
-            pixel_sums[y + 1, x + 1] = pixel_sums[y, x + 1] + pixel_row
-    row_run, row_group = _runs(ids)
-    column_run, column_group = _runs(np.ascontiguousarray(ids.T))
-    size_factor = np.ones(h + w, np.float32)
-    for i in range(1, h + w):
-        size_factor[i] = (1.0 / i) ** kappa
+    columns, rows = np.nonzero(groups.ids.T > 0)
+    x, y = np.zeros(n, np.int32), np.zeros(n, np.int32)
+    # Of the pixels of a group the last one stays.
+    x[groups.ids[rows, columns]], y[groups.ids[rows, columns]] = columns, rows
+    at = np.zeros((h, w))
+    at[y[1:], x[1:]] = groups.magnitude[1:]
+    half_sides = np.maximum(np.arange(h + w), 1.0)
     return _Index(
-        group_sums, pixel_sums, groups.magnitude, xs, ys, row_run, row_group, column_run, column_group, affinities,
-        size_factor, np.zeros(n, np.float32), np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros(n + 1, np.int64),
+        _integral(at), _integral(magnitude), groups.magnitude, x, y, *_runs(groups.ids), *_runs(groups.ids.T), ties,
+        (half_sides**-kappa).astype(np.float32), np.zeros(n, np.float32), np.zeros(n, np.int32), np.zeros(n, np.int32),
+        np.zeros(n + 1, np.int64),
     )  # fmt: skip
 
 
-@compiled
+def _integral(image: NDArray[Any]) -> Array:
+    return np.pad(np.cumsum(np.cumsum(image, 0, dtype=np.float64), 1), ((1, 0), (1, 0)))
+
+
 def _runs(ids: Ints) -> tuple[Ints, Ints]:
     """Numbers the runs of equal ids along each row: (h, w) -> the pixel's run (h, w), the run's id."""
-    h, w = ids.shape
-    run, group = np.empty((h, w), np.int32), np.empty(h * w, np.int32)
-    n = 0
-    for y in range(h):
-        for x in range(w):
-            if x == 0 or ids[y, x] != ids[y, x - 1]:
-                group[n] = ids[y, x]
-                n += 1
-            run[y, x] = n - 1
-    return run, group[:n].copy()
+    begins = np.ones(ids.shape, dtype=bool)
+    begins[:, 1:] = ids[:, 1:] != ids[:, :-1]
+    return (np.cumsum(begins) - 1).astype(np.int32).reshape(ids.shape), ids[begins]
 
 
 @compiled
-def _sum(integral: NDArray[np.float64], x0: int, y0: int, x1: int, y1: int) -> float:
+def _sum(integral: Array, x0: int, y0: int, x1: int, y1: int) -> float:
     """Sum over the pixels x0 to x1, y0 to y1, all included."""
-    return integral[y1 + 1, x1 + 1] - integral[y0, x1 + 1] - integral[y1 + 1, x0] + integral[y0, x0]
+    total: float = integral[y1 + 1, x1 + 1] - integral[y0, x1 + 1] - integral[y1 + 1, x0] + integral[y0, x0]
+    return total
 
 
 @compiled
@@ -439,36 +398,34 @@ def _score(index: _Index, x0: int, y0: int, x1: int, y1: int, least: float) -> f
     return score if score >= least else 0.0
 
 
-@compiled
-def _windows(h: int, w: int, alpha: float, min_area: float, max_aspect: float) -> Ints:
-    """The grid (n, 4) of x, y, w, h over position, scale and aspect ratio: neighbours overlap by IoU alpha (3.4)."""
-    scale_step, aspect_step = np.sqrt(1 / alpha), (1 + alpha) / (2 * alpha)
-    shift = (1 - alpha) / (1 + alpha)
-    least = np.sqrt(min_area)
-    scales = max(1, int(np.ceil(np.log(max(w, h) / least) / np.log(scale_step))))
-    aspects = int(np.log(max_aspect) / np.log(aspect_step**2))
-    windows = np.empty((1024, 4), np.int32)
-    n = 0
+def _shift(alpha: float) -> float:
+    """The step of a window, as a share of its side, at which it overlaps itself by IoU alpha."""
+    return (1 - alpha) / (1 + alpha)
+
+
+def make_windows(shape: tuple[int, int], alpha: float, min_area: float, max_aspect: float) -> Ints:
+    """The grid (n, 4) of x, y, w, h over position, scale and aspect ratio; neighbours overlap by IoU alpha (3.4)."""
+    h, w = shape
+    scale_step, aspect_step = math.sqrt(1 / alpha), (1 + alpha) / (2 * alpha)
+    least = math.sqrt(min_area)
+    scales = max(1, math.ceil(math.log(max(w, h) / least) / math.log(scale_step)))
+    aspects = int(math.log(max_aspect) / math.log(aspect_step**2))
+    grids = []
     for s in range(scales):
         for a in range(-aspects, aspects + 1):
-            b_w = int(least * scale_step**s * aspect_step**a)
-            b_h = int(least * scale_step**s / aspect_step**a)
-            step_x, step_y = max(2, int(b_w * shift)), max(2, int(b_h * shift))
+            b_w, b_h = int(least * scale_step**s * aspect_step**a), int(least * scale_step**s / aspect_step**a)
+            step_x, step_y = max(2, int(b_w * _shift(alpha))), max(2, int(b_h * _shift(alpha)))
             # One step beyond the border, where the window is cut: nothing next to it is passed by.
-            for x in range(0, w - b_w + step_x, step_x):
-                for y in range(0, h - b_h + step_y, step_y):
-                    if n == len(windows):
-                        windows = np.concatenate((windows, np.empty((n, 4), np.int32)))
-                    windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3] = x, y, b_w, b_h
-                    n += 1
-    return windows[:n].copy()
+            xs, ys = range(0, w - b_w + step_x, step_x), range(0, h - b_h + step_y, step_y)
+            x, y = np.meshgrid(xs, ys, indexing="ij")
+            grids.append(np.stack([x, y, np.full_like(x, b_w), np.full_like(x, b_h)], -1).reshape(-1, 4))
+    return np.concatenate(grids).astype(np.int32)
 
 
 @compiled
-def _search(windows: Ints, index: _Index, alpha: float, least: float) -> tuple[Ints, Floats]:
+def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[Ints, Floats]:
     """Scores windows (n, 4), refines those that score, and returns these (m, 4) with their scores (m,)."""
     h, w = index.row_run.shape
-    shift = (1 - alpha) / (1 + alpha)
     boxes, scores = np.empty((len(windows), 4), np.int32), np.empty(len(windows), np.float32)
     m = 0
     edges = np.empty(4, np.int64)

@@ -1,9 +1,10 @@
 """Edges of a picture and of its depth, as one map of magnitude and orientation.
 
-Edge Boxes was published on structured edges, a learned map. Here edges come from gradients of colour in a perceptual
-space, of inverse depth and of surface normals. Each is a set of channels in units in which 1 is a clear edge, and what
-they say is summed as one structure tensor (Di Zenzo, "A note on the gradient of a multi-image", 1986): its largest
-eigenvalue is the edge's strength, and its eigenvector the direction across it.
+Edge Boxes was published on structured edges, a learned map. Here three cues take their place: gradients of colour in a
+perceptual space, steps of depth, and creases of the surface. Each is the structure tensor of its channels (Di Zenzo, "A
+note on the gradient of a multi-image", 1986), whose largest eigenvalue is the edge's strength and whose eigenvector is
+the direction across it. Strengths saturate before they are mixed with fixed weights, so a loud print on a box adds no
+more than its colour's share, and a contour that all three see stands out.
 """
 
 import dataclasses
@@ -27,11 +28,15 @@ class EdgesConfig:
     blur: float = 1.0
     """Standard deviation of the smoothing before derivatives, pixels of the edge map."""
     color_edge: float = 30.0
-    """Step of colour that is an edge of strength 1, CIE L*a*b* units."""
-    depth_edge: float = 0.02
-    """Step of depth that is, as a share of the depth."""
+    """Step of colour at which its cue is half of its most, CIE L*a*b* units."""
+    depth_edge: float = 0.015
+    """Step of depth at which that is so, as a share of the depth."""
     crease: float = 0.7
-    """Turn of the surface that is, radians."""
+    """Turn of the surface at which that is so, radians."""
+    color_weight: float = 0.4
+    """Share of colour in the magnitude, where there is depth."""
+    crease_weight: float = 0.1
+    """Share of creases; steps of depth have the rest."""
     focal_length: float = 0.82
     """Of the camera, as a share of the picture's width: what turns slopes into angles. It need not be exact."""
 
@@ -41,6 +46,10 @@ class EdgesConfig:
         for name in ("blur", "color_edge", "depth_edge", "crease", "focal_length"):
             if not getattr(self, name) > 0:
                 raise InputError(f"edges: {name} is {getattr(self, name)}, expected a number > 0")
+        if not (min(self.color_weight, self.crease_weight) >= 0 and self.color_weight + self.crease_weight <= 1):
+            raise InputError(
+                f"edges: color_weight {self.color_weight} and crease_weight {self.crease_weight}, expected shares of 1"
+            )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,18 +72,26 @@ def find_edges(color: NDArray[np.uint8], depth: NDArray[np.floating] | None, con
     check_images(color, depth)
     h, w = color.shape[:2]
     size = (max(round(w * config.scale), 8), max(round(h * config.scale), 8))
-    tensor = _tensor(*_color_gradients(color, size, config))
-    if depth is not None:
-        log_depth = fill_missing(depth)
-        if log_depth is not None:
-            log_depth = np.log(log_depth)
-            log_depth = cv2.resize(cv2.medianBlur(log_depth, 5), size, interpolation=cv2.INTER_AREA)
-            tensor += _tensor(*_steps(log_depth, config)) + _tensor(*_creases(log_depth, config))
-    # Strength from the place itself, direction from around it: contours are smoother than their pixels.
-    strength = _largest_eigenvalue(tensor)
-    xx, xy, yy = cv2.GaussianBlur(tensor, (0, 0), 1.5).transpose(2, 0, 1)
+    cues = [(config.color_weight, _tensor(*_color_gradients(color, size, config)))]
+    filled = None if depth is None else fill_missing(depth)
+    if filled is not None:
+        log_depth = smaller_log_depth(filled, size)
+        steps = 1 - config.color_weight - config.crease_weight
+        cues += [
+            (steps, _tensor(*(step[..., None] / config.depth_edge for step in depth_steps(log_depth, config.blur)))),
+            (config.crease_weight, _tensor(*_creases(log_depth, config))),
+        ]
+    else:
+        cues = [(1.0, cues[0][1])]
+    strength, tensor = np.zeros(size[::-1], np.float32), np.zeros((*size[::-1], 3), np.float32)
+    for weight, cue in cues:
+        largest = _largest_eigenvalue(cue)
+        strength += weight * largest / (1 + largest)
+        tensor += weight * cue / (1 + largest)[..., None]
+    # Strength comes from the place itself, direction from around it: contours are smoother than their pixels.
+    xx, xy, yy = cv2.GaussianBlur(tensor, (0, 0), 1.0).transpose(2, 0, 1)
     orientation = 0.5 * np.arctan2(2 * xy, xx - yy) % np.float32(np.pi)
-    return Edges(_thin(strength / (1 + strength), orientation), orientation, size[0] / w)
+    return Edges(_thin(strength, orientation), orientation, size[0] / w)
 
 
 def check_images(color: NDArray[np.uint8], depth: NDArray[np.floating] | None) -> None:
@@ -100,6 +117,12 @@ def fill_missing(depth: NDArray[np.floating]) -> Floats | None:
     return filled if filled.all() else np.ascontiguousarray(_fill_rows(np.ascontiguousarray(filled.T)).T)
 
 
+def smaller_log_depth(depth: Floats, size: tuple[int, int]) -> Floats:
+    """Log of depth (h, w) without holes, at size (width, height), without the single pixels that fray contours."""
+    median = cv2.medianBlur(np.log(depth), 3)
+    return np.asarray(cv2.resize(median, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
 def _fill_rows(depth: Floats) -> Floats:
     known = depth > 0
     columns = np.arange(depth.shape[1])
@@ -111,7 +134,7 @@ def _fill_rows(depth: Floats) -> Floats:
 def _color_gradients(color: NDArray[np.uint8], size: tuple[int, int], config: EdgesConfig) -> tuple[Floats, Floats]:
     """Gradients along x and y (h, w, 3) of L*a*b*; a step of `color_edge` peaks at 1."""
     small = cv2.resize(color, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
-    lab = cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2Lab), (0, 0), config.blur)
+    lab = np.asarray(cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2Lab), (0, 0), config.blur), dtype=np.float32)
     unit = config.color_edge * _peak(config.blur)
     return _difference(lab, 1, 1) / unit, _difference(lab, 0, 1) / unit
 
@@ -131,19 +154,29 @@ def _difference(image: Floats, axis: int, reach: int) -> Floats:
     return _shift(image, axis, reach) - _shift(image, axis, -reach)
 
 
-def _steps(log_depth: Floats, config: EdgesConfig) -> tuple[Floats, Floats]:
-    """Steps of log depth along x and y (h, w, 1) over the slopes on both sides; `depth_edge` gives 1.
+def depth_steps(log_depth: Floats, blur: float) -> tuple[Floats, Floats]:
+    """Steps of log depth (h, w) along x and y, signed, as shares of the depth, over what the slopes beside account for.
 
-    The slope itself is no edge, however steep the table looks, and neither is a step in the slope.
+    A slope is no step, however steep, and neither is a fold.
     """
-    smooth = cv2.GaussianBlur(log_depth, (0, 0), config.blur)
+    smooth = np.asarray(cv2.GaussianBlur(log_depth, (0, 0), blur), dtype=np.float32)
     steps = []
     for axis in (1, 0):
-        near = [_shift(smooth, axis, by) for by in (-4, -1, 1, 4)]
-        step, before, after = near[2] - near[1], (near[1] - near[0]) * (2 / 3), (near[3] - near[2]) * (2 / 3)
-        beyond = step - np.clip(step, np.minimum(before, after), np.maximum(before, after))
-        steps.append(beyond[..., None] / (config.depth_edge * _peak(config.blur)))
+        far_before, before, after, far_after = (_shift(smooth, axis, by) for by in (-4, -1, 1, 4))
+        slopes = (before - far_before) * (2 / 3), (far_after - after) * (2 / 3)
+        step = after - before
+        steps.append((step - np.clip(step, np.minimum(*slopes), np.maximum(*slopes))) / _peak(blur))
     return steps[0], steps[1]
+
+
+def concave_folds(log_depth: Floats, focal_length: float) -> Floats:
+    """How sharply the surface folds towards the camera (h, w), about radians; 0 where it is flat or folds away.
+
+    Two bodies that touch meet in such a fold. Steps of depth give large values beside them, too.
+    """
+    smooth = _smooth_surface(log_depth)
+    turns = [2 * smooth - _shift(smooth, axis, -3) - _shift(smooth, axis, 3) for axis in (1, 0)]
+    return np.asarray(np.maximum(np.maximum(*turns) * np.float32(focal_length / 3), 0))
 
 
 def _creases(log_depth: Floats, config: EdgesConfig) -> tuple[Floats, Floats]:
@@ -158,7 +191,7 @@ def surface_normals(log_depth: Floats, focal_length: float) -> Floats:
     Slopes are taken from the side on which the surface goes on more smoothly, so they do not reach over a step.
     """
     h, w = log_depth.shape
-    smooth = cv2.bilateralFilter(log_depth, 9, 0.01, 3.0)
+    smooth = _smooth_surface(log_depth)
     slopes = []
     for axis in (1, 0):
         before, after = smooth - _shift(smooth, axis, -3), _shift(smooth, axis, 3) - smooth
@@ -168,6 +201,11 @@ def surface_normals(log_depth: Floats, focal_length: float) -> Floats:
     x, y = slopes
     n = np.stack([focal_length * x, focal_length * y, -1 - x * (u - (w - 1) / 2) - y * (v - (h - 1) / 2)], -1)
     return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True), dtype=np.float32)
+
+
+def _smooth_surface(log_depth: Floats) -> Floats:
+    """Without the sensor's noise and steps, which are under 1 % of the depth, and with the scene's."""
+    return np.asarray(cv2.bilateralFilter(log_depth, 9, 0.01, 3.0), dtype=np.float32)
 
 
 def _tensor(g_x: Floats, g_y: Floats) -> Floats:
