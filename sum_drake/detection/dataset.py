@@ -28,6 +28,8 @@ SPLITS = ("train", "validation", "test", "shift")
 DEPTH_SCALE = 1e-4
 """Metres a unit of the depth files."""
 MIN_PIXELS, MIN_SHARE = 150, 0.25
+_END = b"\xff\xd9"
+"""Of a JPEG."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,8 +71,9 @@ class EncodedImage(Immutable):
 
     def decode(self, name: str) -> AnnotatedImage:
         """The picture. Raises ValueError for damaged data."""
-        bgr = cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR)
-        depth = cv2.imdecode(np.frombuffer(self.depth_png, np.uint8), cv2.IMREAD_UNCHANGED)
+        # OpenCV fills up a JPEG that was cut off, and does not accept nothing.
+        bgr = cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR) if self.jpeg[-2:] == _END else None
+        depth = cv2.imdecode(np.frombuffer(self.depth_png, np.uint8), cv2.IMREAD_UNCHANGED) if self.depth_png else None
         shape = self.camera.height, self.camera.width
         if bgr is None or bgr.shape[:2] != shape:
             raise ValueError(f"the picture is damaged; expected a JPEG of {shape[1]} x {shape[0]} pixels")

@@ -1,22 +1,24 @@
 """The scenes of the data set: drawn from a seed, rendered by RenderEngineVtk, annotated from its label image.
 
 Three kinds of scene: the sorting station itself, with the robot, its table, bins and head camera (a quarter of the
-scenes, none in `shift`); a table of any look onto which things are poured; the same with things tossed. Lights, shading, colours and textures hold for a
-scene, since an engine's lights are fixed; camera, exposure, colour balance, blur, noise and compression differ by view.
+scenes, none in `shift`); a table of any look onto which things are poured; the same with things tossed. Lights,
+shading, colours and textures hold for a scene, since an engine's lights are fixed; camera, exposure, colour balance,
+blur, noise and compression differ by view.
 
 What the splits train, validation and test have in common, and `shift` never shows:
 
 ==========  =========================================  ===================================================
             train, validation, test                    shift
 ==========  =========================================  ===================================================
-lights      1 to 5, directional or points, nearly      1 to 3 spots, each of a strong colour, a weak one
-            white, one of them the camera's            from the camera
+lights      1 to 4, directional or points, nearly      1 to 3 spots, each of a strong colour
+            white
 shading     Phong, or plain PBR (3 of 10 scenes)       PBR with cast shadows and filmic tone mapping
 textures    `textures.TRAIN`                           `textures.SHIFT`
 shapes      `distractors.TRAIN`                        `distractors.SHIFT`
 ==========  =========================================  ===================================================
 
-An environment map would be one more shading; in software its preparation takes minutes a scene.
+Common to all are a weak light at the camera and the objects themselves. An environment map would be one more shading;
+in software its preparation takes minutes a scene.
 """
 
 import dataclasses
