@@ -91,11 +91,6 @@ class Backbone(nn.Module):
                 blocks.append(_Block(inputs, outputs, kernel, stride if k == 0 else 1, expansion))
                 inputs = outputs
         self.blocks = nn.ModuleList(blocks)
-        for module in self.modules():
-            # Without normalisation the spread of the activations must come from the weights' (He et al. 2015).
-            if isinstance(module, nn.Conv2d) and module.bias is not None:
-                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
-                nn.init.zeros_(module.bias)
 
     def forward(self, picture: Tensor) -> tuple[Tensor, Tensor]:
         x = F.relu6(self.stem((picture - 127.0) / 128.0))
@@ -127,13 +122,20 @@ class Network(nn.Module):
             nn.Linear(width * POOLED * POOLED, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU()
         )
         self.classify, self.correct = nn.Linear(hidden, classes), nn.Linear(hidden, 4)
+        for module in self.modules():
+            # Without normalisation the spread of the activations must come from the weights' (He et al. 2015).
+            if isinstance(module, nn.Conv2d | nn.Linear):
+                nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+                nn.init.zeros_(module.bias)
         for layer, deviation in ((self.classify, 0.01), (self.correct, 0.001)):
             nn.init.normal_(layer.weight, std=deviation)
-            nn.init.zeros_(layer.bias)
         last = self.propose[-1]
         assert isinstance(last, nn.Conv2d) and last.bias is not None
         with torch.no_grad():
-            last.weight[0] *= 0.1
+            last.weight *= 0.03
+            # What comes out of the ImageNet backbone has a spread of about 5.
+            self.fine.weight *= 0.5
+            self.coarse.weight *= 0.5
             # Objects are rare among cells, and about 40 pixels to each side: start there.
             last.bias.copy_(torch.tensor([-4.0] + [math.log(5.0)] * 4))
 
