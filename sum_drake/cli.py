@@ -169,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         "--depth-scale", type=float, metavar="M", default=0.001, help="metres a unit of the depth (default: 0.001)"
     )
     detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
-    detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: detections/PICTURE)")
+    detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/detected/PICTURE)")
     detect.add_argument("--force", action="store_true", help="replace the detections that are in the folder")
 
     text = "the experiments: figures, tables and plots"
@@ -289,6 +289,19 @@ def _check_free(out: Path, names: Sequence[str], *, force: bool, what: str = "ru
     foreign = sorted(path.name for path in out.iterdir() if path.name not in names)
     if foreign:
         raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a {what}; expected a {what} folder")
+
+
+def _check_device(name: str) -> None:
+    import torch
+
+    try:
+        kind = torch.device(name).type
+    except RuntimeError:
+        kind = ""
+    if kind not in ("cpu", "cuda"):
+        raise InputError(f"--device {name}: unknown; expected cpu or cuda")
+    if kind == "cuda" and not torch.cuda.is_available():
+        raise InputError(f"--device {name}: torch finds no CUDA device; expected cpu")
 
 
 def _check_writable(file: Path) -> None:
@@ -434,8 +447,7 @@ def _train(options: argparse.Namespace) -> None:
     from sum_drake.detection.training_report import write_results
     from sum_drake.doctor import versions
 
-    if options.device.startswith("cuda") and not torch.cuda.is_available():
-        raise InputError(f"--device {options.device}: torch finds no CUDA device; expected cpu")
+    _check_device(options.device)
     if options.epochs is not None and options.epochs < 1:
         raise InputError(f"--epochs {options.epochs}: expected at least 1")
     if options.threads < 1:
@@ -478,7 +490,7 @@ def _detect(options: argparse.Namespace) -> None:
     from sum_drake.detection.picture import read_depth, read_picture
     from sum_drake.jsonio import write_json
 
-    out = options.out if options.out is not None else Path("detections") / options.picture.stem
+    out = options.out if options.out is not None else Path("out/detected") / options.picture.stem
     names = ("detections.json", "detections.png")
     _check_free(out, names, force=options.force, what="detection")
     color = read_picture(options.picture)
@@ -501,6 +513,7 @@ def _bench_detect(options: argparse.Namespace) -> None:
     from sum_drake.objects import load_catalogue
 
     _check_free(options.out, FILES, force=options.force, what="bench")
+    _check_device(options.device)
     catalogue = load_catalogue(options.catalogue)
     if options.data is None:
         require_rendering()

@@ -219,7 +219,15 @@ def _observed(perception: Perception, score: Mapping[str, Any] | None) -> str:
     if score is not None and score["false_positives"] is not None:
         words.append(f"{score['false_positives_rejected']} of {score['false_positives']} false positives rejected")
         words.append(f"{score['true_tracks_accepted']} of {score['true_tracks']} true tracks accepted")
+    if score is not None and score.get("false_detections"):
+        words.append(f"false detections: {', '.join(map(_fate, score['false_detections']))}")
     return "; ".join(words) + "."
+
+
+def _fate(detection: Mapping[str, Any]) -> str:
+    """A false detection and what became of it."""
+    became = {"corrected": f"corrected to {detection['accepted_as']}", "accepted": "believed"}
+    return f"{detection['label']} {detection['probability']:.2f} {became.get(detection['fate'], detection['fate'])}"
 
 
 def _count(number: int, noun: str) -> str:

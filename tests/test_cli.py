@@ -3,10 +3,14 @@ import signal
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
+from detectors import write_untrained
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import RUN_FILES, main
+from sum_drake.objects import load_catalogue
 from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
 
@@ -232,3 +236,53 @@ def test_a_run_and_its_resolved_scenario_in_another_process_are_the_same(tmp_pat
     assert len(log.perceptions) == len(one["observations"])
     assert "<html" in (out_1 / "report.html").read_text()
     assert "sorting_planner" in dot.read_text()
+
+
+@pytest.fixture
+def weights(tmp_path):
+    return write_untrained(tmp_path / "w.safetensors", load_catalogue().labels, threshold=0.0)
+
+
+@pytest.fixture
+def photo(tmp_path):
+    """A picture of another size than the camera's."""
+    file = tmp_path / "photo.png"
+    cv2.imwrite(str(file), np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8))
+    return file
+
+
+def test_detections_in_a_picture_are_written_drawn_and_told(capsys, tmp_path, weights, photo):
+    out = tmp_path / "found"
+    cv2.imwrite(str(tmp_path / "depth.png"), np.full((200, 300), 900, np.uint16))
+    depth = str(tmp_path / "depth.png")
+    assert main(["detect", str(photo), "--depth", depth, "--weights", str(weights), "--out", str(out)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    found = json.loads((out / "detections.json").read_text())
+    assert len(found) == len(told) - 2 > 0, "one line each, between a head and the picture's name"
+    for row in found:
+        x, y, w, h = row["box"]
+        assert row["label"] in load_catalogue().labels
+        assert 0 <= row["score"] <= row["p_box"] <= 1
+        assert x >= 0 and y >= 0 and x + w <= 300 and y + h <= 200
+    assert cv2.imread(str(out / "detections.png")).shape == (200, 300, 3)
+    assert "--force" in refused(capsys, "detect", str(photo), "--weights", str(weights), "--out", str(out))
+    assert main(["detect", str(photo), "--weights", str(weights), "--out", str(out), "--force"]) == 0
+
+
+def test_what_cannot_be_detected_in_or_with_is_refused_and_leaves_nothing(capsys, tmp_path, weights, photo):
+    out = ("--out", str(tmp_path / "found"))
+    depth = tmp_path / "depth.png"
+    cv2.imwrite(str(depth), np.zeros((100, 300), np.uint16))
+    assert "300 x 200" in refused(capsys, "detect", str(photo), "--depth", str(depth), *out)
+    assert "w.safetensors: is no picture" in refused(capsys, "detect", str(weights), *out)
+    assert "safetensors" in refused(capsys, "detect", str(photo), "--weights", str(photo), *out)
+    assert "nowhere.png" in refused(capsys, "detect", "nowhere.png", *out)
+    assert not (tmp_path / "found").exists()
+
+
+def test_a_bench_of_nothing_is_refused(capsys, tmp_path, weights):
+    bench = ("bench", "detect", "--out", str(tmp_path / "bench"), "--weights", str(weights))
+    assert "no data set" in refused(capsys, *bench, "--data", str(tmp_path))
+    assert "--workers 0" in refused(capsys, *bench, "--workers", "0", "--data", str(tmp_path))
+    assert "--device abacus" in refused(capsys, *bench, "--device", "abacus")
+    assert not (tmp_path / "bench").exists()
