@@ -2,6 +2,7 @@
 
 import dataclasses
 import html.parser
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -213,3 +214,18 @@ def test_the_page_prints_and_fits_a_phone(run_folder: Path) -> None:
     assert "@media (max-width" in text and "@media print" in text
     # Each cell names its column, for rows that are stacked.
     assert len(re.findall(r"<td ", text)) == len(re.findall(r"<td data-name=", text))
+
+
+def test_false_detections_and_their_fates_are_told(run_folder: Path) -> None:
+    summary_file = run_folder / "summary.json"
+    data = json.loads(summary_file.read_text())
+    box = [1.0, 2.0, 30.0, 40.0]
+    data["observations"][0]["false_detections"] = [
+        {"box": box, "label": "mug", "probability": 0.42, "fate": "corrected", "accepted_as": "toy"},
+        {"box": box, "label": "tide", "probability": 0.2, "fate": "rejected", "accepted_as": None},
+    ]
+    data["observations"][1]["false_detections"] = []
+    write_json(summary_file, data)
+    words = Page(write_report(run_folder).read_text()).words
+    assert "false detections: mug 0.42 corrected to toy, tide 0.20 rejected." in words
+    assert words.count("false detections") == 1
