@@ -1,4 +1,6 @@
 import dataclasses
+import json
+import re
 import shutil
 from pathlib import Path
 
@@ -7,7 +9,7 @@ import pytest
 from sum_drake import cli
 from sum_drake.assets import InputError
 from sum_drake.detection import dataset_job, dataset_scenes
-from sum_drake.detection.dataset import SPLITS, ImageSet, is_scored, read_settings
+from sum_drake.detection.dataset import SCHEMA, SPLITS, ImageSet, is_scored, read_settings
 from sum_drake.detection.dataset_job import FULL, QUICK, Plan, catalogue_hash, describe, render_dataset
 from sum_drake.objects import Catalogue, load_catalogue
 
@@ -133,6 +135,14 @@ def test_the_catalogues_hash_is_that_of_what_it_looks_like(catalogue: Catalogue,
     picture = tmp_path / "objects" / "mug" / "mug.png"
     picture.write_bytes(picture.read_bytes() + b"\0")
     assert catalogue_hash(load_catalogue(moved)) != catalogue_hash(catalogue)
+
+
+def test_the_files_are_described(rendered: Path) -> None:
+    words = set(re.findall(r"[\w/-]+", (Path(__file__).parents[1] / "docs" / "formats.md").read_text()))
+    scene = json.loads((rendered / "train" / "00000" / "scene.json").read_text())
+    view = scene["views"][0]
+    keys = {*read_settings(rendered), *scene, *view, *view["camera"], *view["objects"][0]}
+    assert keys | {SCHEMA, *SPLITS} <= words
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
