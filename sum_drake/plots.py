@@ -47,7 +47,7 @@ def line_plot(
     Ranges left out are those of the data. Raises ValueError for a logarithmic axis that reaches 0.
     """
     lines = [_Line.of(one) for one in series]
-    x_low, x_high = x_range if x_range is not None else _extent([line.x for line in lines])
+    x_low, x_high = x_range if x_range is not None else _extent([line.x for line in lines], log=log_x)
     y_low, y_high = y_range if y_range is not None else _extent([line.y for line in lines], from_zero=True)
     if log_x and x_low <= 0:
         raise ValueError(f"logarithmic x from {x_low}, expected more than 0")
@@ -164,12 +164,15 @@ def _drawn(series: Series, line: _Line, x: Array, y: Array, color: str) -> str:
     return "".join(parts)
 
 
-def _extent(values: Sequence[Array], *, from_zero: bool = False) -> tuple[float, float]:
+def _extent(values: Sequence[Array], *, from_zero: bool = False, log: bool = False) -> tuple[float, float]:
+    """The range of what is finite; some range even where there is nothing, or only one value."""
     known = np.concatenate([np.zeros(0), *(value[np.isfinite(value)] for value in values)])
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (float(log), 1.0)
     if from_zero:
         low, high = min(low, 0.0), high + 0.04 * (high - min(low, 0.0))
-    return (low, high) if high > low else (low - 0.5, low + 0.5)
+    if high > low:
+        return low, high
+    return (low / 2, low * 2) if log else (low - 0.5, low + 0.5)
 
 
 def _ticks(low: float, high: float) -> list[float]:

@@ -61,8 +61,11 @@ def test_what_is_not_finite_is_a_gap():
 
 
 @pytest.mark.parametrize("series", [[], [Series("a", [], [])], [Series("a", [3], [3])], [Series("a", [0], [math.nan])]])
-def test_hardly_any_data_make_a_plot_all_the_same(series):
-    assert "a plot" in words(line_plot(series, **WORDS))
+@pytest.mark.parametrize("log_x", [False, True])
+def test_hardly_any_data_make_a_plot_all_the_same(series, log_x):
+    if log_x:
+        series = [Series(one.name, 1 + np.asarray(one.x), one.y) for one in series]
+    assert "a plot" in words(line_plot(series, **WORDS, log_x=log_x))
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
