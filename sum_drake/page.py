@@ -32,11 +32,11 @@ def tiles(figures: Sequence[tuple[str, str]]) -> str:
 
 
 def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """Cells are HTML; columns in which nothing stands are left out.
+    """Cells are HTML; columns in which no row has anything are left out.
 
     On a narrow screen rows are stacked, so each cell carries its column's name.
     """
-    columns = [column for column in zip(heads, *rows, strict=True) if any(column[1:])]
+    columns = [column for column in zip(heads, *rows, strict=True) if any(column[1:]) or len(column) == 1]
     heads, *rows = zip(*columns, strict=True)
     head = "".join(f"<th>{text(name)}</th>" for name in heads)
     body = "".join(

@@ -19,6 +19,7 @@ def test_columns_in_which_nothing_stands_are_left_out():
     html = page.table(("a", "b", "c"), [("1", "", "3"), ("4", "", "")])
     assert re.findall(r"<th>(.)</th>", html) == ["a", "c"]
     assert html.count("<td ") == 4
+    assert re.findall(r"<th>(.)</th>", page.table(("a", "b"), [])) == ["a", "b"], "without rows there are heads"
 
 
 def test_a_picture_is_within_the_page_in_its_colours():
