@@ -52,7 +52,7 @@ def line_plot(
     if log_x and x_low <= 0:
         raise ValueError(f"logarithmic x from {x_low}, expected more than 0")
     names = [one.name for one in series if one.name]
-    legend = 26 + 6.6 * max((len(name) for name in names), default=-4) if names else 0.0
+    legend = 26 + 7.0 * max((len(name) for name in names), default=-4) if names else 0.0
     width, height = size
     left, right, top, bottom = 56.0, width - 16.0 - legend, 34.0, height - 46.0
 
@@ -185,8 +185,10 @@ def _ticks(low: float, high: float) -> list[float]:
 
 
 def _log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers within a range, the fewer the more decades it spans."""
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    return [f * 10.0**k for k in decades for f in (1, 2, 5) if low * 0.999 <= f * 10.0**k <= high * 1.001]
+    factors = (1, 2, 5) if high / low < 200 else (1, 3)
+    return [f * 10.0**k for k in decades for f in factors if low * 0.999 <= f * 10.0**k <= high * 1.001]
 
 
 def _number(value: float) -> str:

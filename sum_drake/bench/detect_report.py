@@ -143,7 +143,7 @@ def _plots(
             title=f"What was taken for what, {split}",
             x_label="said",
             y_label="is",
-            cell=26,
+            cell=25,
         )
 
 
