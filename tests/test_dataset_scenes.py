@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from pydrake.geometry import Box, RenderEngineVtkParams, Rgba
+from pydrake.geometry import Box, Rgba
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import LoadModelDirectives
 
@@ -16,7 +16,6 @@ from sum_drake.detection import dataset_scenes
 from sum_drake.detection.arrangement import TABLE, Ground
 from sum_drake.detection.dataset import AnnotatedImage, AnnotatedObject, EncodedImage, scene_entropy
 from sum_drake.detection.dataset_scenes import (
-    _draw_look,
     _draw_scene,
     _Part,
     _Renderer,
@@ -24,6 +23,7 @@ from sum_drake.detection.dataset_scenes import (
     render_encoded,
     render_scene,
 )
+from sum_drake.detection.looks import draw_look
 from sum_drake.geometry import apply, inverse
 from sum_drake.look import station_look
 from sum_drake.objects import Catalogue, load_catalogue
@@ -182,7 +182,7 @@ def test_objects_look_like_themselves_in_every_split(catalogue: Catalogue) -> No
     X_WOs = {"tide": standing(catalogue, "tide", 0.65, 0.0)}
     for shift in (False, True):
         for seed in range(4):
-            look = _draw_look(np.random.default_rng(seed), shift=shift)
+            look = draw_look(np.random.default_rng(seed), np.array([0.7, 0.0, TABLE]), shift=shift)
             renderer = _Renderer(dataclasses.replace(scene_of(catalogue, X_WOs), look=look))
             red, green, blue = renderer.color(small, X_WC)[renderer.labels(small, X_WC) == 1].mean(axis=0)
             assert red > 1.3 * green and red > 1.3 * blue, (shift, seed)
@@ -203,21 +203,6 @@ def test_fewer_views_are_the_first_of_more_and_bytes_repeat_in_any_thread(catalo
 def test_an_unknown_split_is_refused(catalogue: Catalogue) -> None:
     with pytest.raises(InputError, match="split 'holdout'"):
         render_scene(catalogue, "holdout", 0, 0, 1)
-
-
-def test_what_is_held_out_is_in_no_training_look() -> None:
-    def looks(shift: bool) -> list[RenderEngineVtkParams]:
-        return [_draw_look(np.random.default_rng(seed), shift=shift) for seed in range(60)]
-
-    train, shift = looks(False), looks(True)
-    assert {light.type for look in train for light in look.lights} == {"directional", "point"}
-    assert not any(look.cast_shadows or look.exposure is not None for look in train)
-    assert 5 < sum(look.force_to_pbr for look in train) < 30
-    assert all(look.cast_shadows and look.exposure is not None and look.force_to_pbr for look in shift)
-    assert all({light.type for light in look.lights[:-1]} == {"spot"} for look in shift)
-    for look in [*train, *shift]:
-        assert all(light.frame == "world" for light in look.lights[:-1])
-        assert [look.lights[-1].frame, look.lights[-1].type] == ["camera", "point"]
 
 
 def test_kinds_counts_and_labels_vary(catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,7 +27,6 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.common import MemoryFile
@@ -39,7 +38,6 @@ from pydrake.geometry import (
     DepthRenderCamera,
     GeometryInstance,
     InMemoryMesh,
-    LightParameter,
     MakeRenderEngineVtk,
     Mesh,
     PerceptionProperties,
@@ -67,7 +65,9 @@ from sum_drake.detection.dataset import (
     encode_depth,
     scene_entropy,
 )
+from sum_drake.detection.developing import Picture, develop, jpeg
 from sum_drake.detection.distractors import box, drake_mesh, draw_distractor
+from sum_drake.detection.looks import direction, draw_look
 from sum_drake.detection.textures import draw_color, draw_texture
 from sum_drake.geometry import inverse, rotation_from_vector, transform
 from sum_drake.look import station_look
@@ -76,9 +76,6 @@ from sum_drake.parsing import make_parser
 from sum_drake.rendering import DepthRenderer
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, add_depth_noise
 from sum_drake.types import Array, Camera
-
-Picture = NDArray[np.float32]
-"""(h, w, 3), RGB in [0, 1]."""
 
 WIDTH, HEIGHT = 640, 480
 SENSOR = HeadCameraConfig()
@@ -136,11 +133,11 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
     kind = rng.choice(["station", "poured", "tossed"], p=[0.0, 0.55, 0.45] if shift else [0.25, 0.4, 0.35])
     count = int(rng.integers(1, min(MAX_OBJECTS, len(catalogue)) + 1)) if rng.random() > 0.03 else 0
     labels = [catalogue.labels[i] for i in rng.permutation(len(catalogue))[:count]]
-    strange = int(rng.integers(0, 5))
+    others = int(rng.integers(0, 5))
     if kind == "station" and rng.random() < 0.6:
-        strange = 0
-    shapes = [draw_distractor(rng, shift=shift) for _ in range(strange)]
-    textures = [draw_texture(rng, shift=shift) for _ in range(strange)]
+        others = 0
+    shapes = [draw_distractor(rng, shift=shift) for _ in range(others)]
+    textures = [draw_texture(rng, shift=shift) for _ in range(others)]
     bodies = [_body(catalogue[label]) for label in labels]
     bodies += [Body(float(rng.uniform(0.1, 0.6)), (shape.vertices,)) for shape in shapes]
     ground = _station_ground(len(bodies)) if kind == "station" else _draw_ground(len(bodies), str(kind), rng)
@@ -163,7 +160,7 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
     else:
         parts += _draw_room(ground, rng, shift=shift)
         own_light = False
-    look = station_look() if own_light else _draw_look(rng, shift=shift)
+    look = station_look() if own_light else draw_look(rng, np.array([*TABLE_CENTER, TABLE]), shift=shift)
     return _Scene(kind == "station", own_light, ground, objects, tuple(parts), look)
 
 
@@ -252,65 +249,11 @@ def _station_parts() -> tuple[_Part, ...]:
     return tuple(parts)
 
 
-# --- light -----------------------------------------------------------------------------------------------------------
-
-
-def _draw_look(rng: np.random.Generator, *, shift: bool) -> RenderEngineVtkParams:
-    """Lights, background and shading of a scene; see the table above."""
-    pbr = shift or bool(rng.random() < 0.3)
-    # Drake's PBR spreads light over the hemisphere (a factor 1 / pi) where Phong does not.
-    level = 2.5 if pbr else 1.0
-    count = int(rng.integers(1, 4 if shift else 5))
-    lights = [
-        _draw_lamp(rng, level * share * rng.uniform(0.8, 1.6), shift=shift) for share in rng.dirichlet([2.0] * count)
-    ]
-    # There is no light from all around: without one at the camera, what faces away from the lamps is black. A point
-    # light casts no shadow.
-    headlight = level * rng.uniform(0.15, 0.5)
-    lights.append(LightParameter(type="point", frame="camera", position=[0, 0, 0], intensity=headlight))
-    background = draw_color(rng)
-    if not shift:
-        return RenderEngineVtkParams(default_clear_color=background, lights=lights, force_to_pbr=pbr)
-    return RenderEngineVtkParams(
-        default_clear_color=background, lights=lights, force_to_pbr=pbr, exposure=rng.uniform(0.8, 1.6),
-        cast_shadows=True, shadow_map_size=2048,
-    )  # fmt: skip
-
-
-def _draw_lamp(rng: np.random.Generator, intensity: float, *, shift: bool) -> LightParameter:
-    """A light above the table that shines on it: far away or near, or a spot."""
-    azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(25, 85))
-    towards = -_direction(azimuth, elevation)
-    target = np.array([*TABLE_CENTER, TABLE]) + rng.uniform(-0.2, 0.2, 3) * [1, 1, 0]
-    color = _light_color(rng, rng.uniform(0.4, 0.8) if shift else rng.uniform(0, 0.25))
-    kind = "spot" if shift else str(rng.choice(["directional", "point"], p=[0.7, 0.3]))
-    distance = rng.uniform(1.5, 2.2) if shift else rng.uniform(0.8, 2.2)
-    return LightParameter(
-        type=kind, frame="world", position=target - distance * towards, direction=towards, intensity=intensity,
-        color=color, cone_angle=rng.uniform(20, 35) if shift else 0.0,
-    )  # fmt: skip
-
-
-def _direction(azimuth: float, elevation: float) -> Array:
-    """Unit vector (3,) in W."""
-    across = np.cos(elevation)
-    return np.array([np.cos(azimuth) * across, np.sin(azimuth) * across, np.sin(elevation)])
-
-
-def _light_color(rng: np.random.Generator, saturation: float) -> Rgba:
-    """A light of any hue, white at saturation 0, as bright as white in its largest channel."""
-    color = 1 - saturation * rng.random(3)
-    return Rgba(*(color / color.max()), 1.0)
-
-
 # --- rendering -------------------------------------------------------------------------------------------------------
 
 
-def _render_graph(scene: _Scene) -> Any:
-    """The query object of a SceneGraph that holds the scene; object i has render label i + 1.
-
-    Keeps the graph and its context alive.
-    """
+def _render_graph(scene: _Scene) -> tuple[SceneGraph, Any]:
+    """A SceneGraph that holds the scene, object i with render label i + 1, and its context."""
     graph = SceneGraph()
     graph.AddRenderer("vtk", MakeRenderEngineVtk(scene.look))
     source = graph.RegisterSource("scene")
@@ -365,16 +308,17 @@ def _take(scene: _Scene, renderer: _Renderer, catalogue: Catalogue, rng: np.rand
     for _ in range(10):
         camera, X_WC = _draw_camera(scene, rng)
         depth = renderer.depth(camera, X_WC)
-        if np.mean((depth > 0) & (depth < 0.3)) < 0.02:  # else something stands right before it
+        # Otherwise something stands right before it; after ten such places the last one will do.
+        if np.mean((depth > 0) & (depth < 0.3)) < 0.02:
             break
     labels = renderer.labels(camera, X_WC)
     objects = _annotate(scene, labels, camera, X_WC, catalogue)
     degrade = rng.random() < (0.5 if scene.own_light else 1.0)
     color = renderer.color(camera, X_WC)
-    jpeg = _develop(color, rng) if degrade else _jpeg(color, 97)
+    data = develop(color, rng) if degrade else jpeg(color, 97)
     seen = np.where(depth >= SENSOR.depth_min, depth, 0.0)
     noisy = add_depth_noise(seen, camera, rng, DepthNoiseConfig())
-    return EncodedImage(jpeg, encode_depth(noisy), camera, objects)
+    return EncodedImage(data, encode_depth(noisy), camera, objects)
 
 
 def _draw_camera(scene: _Scene, rng: np.random.Generator) -> tuple[Camera, Array]:
@@ -389,7 +333,7 @@ def _draw_camera(scene: _Scene, rng: np.random.Generator) -> tuple[Camera, Array
         f *= 1 + away * rng.uniform(-0.08, 0.08)
         X_WC = transform(R, p)
     else:
-        backward = _direction(rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(20, 80)))
+        backward = direction(rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(20, 80)))
         middle = np.array([*scene.ground.region_center, TABLE + 0.05]) + rng.normal(0, 0.06, 3)
         X_WC = _looking(middle + rng.uniform(0.6, 1.4) * backward, middle, rng.normal(0, 0.08))
         f *= rng.uniform(0.85, 1.25)
@@ -452,39 +396,3 @@ def _wide(camera: Camera) -> tuple[Camera, int]:
 def _alone(path: Path, models: tuple[ObjectModel, ...], thread: int) -> DepthRenderer:
     """Renders objects alone. VTK's engines belong to the thread that made them."""
     return DepthRenderer(Catalogue(path, models), faces=20_000)
-
-
-# --- what a camera makes of it ---------------------------------------------------------------------------------------
-
-
-def _develop(picture: Picture, rng: np.random.Generator) -> bytes:
-    """Exposure, colour balance, contrast, blur, noise and compression of some camera; a JPEG."""
-    # A camera measures the light; the middle of the picture, where the things are, counts most.
-    middle = picture[HEIGHT // 4 : -HEIGHT // 4, WIDTH // 4 : -WIDTH // 4]
-    gain = np.clip(rng.uniform(0.3, 0.6) / max(float(middle.mean()), 1e-3), 0.6, 3.0)
-    gain = min(gain, 1.25 / max(float(np.quantile(middle, 0.97)), 1e-3))
-    balance = np.exp(rng.normal(0, 0.06, 3))
-    color: NDArray[Any] = picture * (gain * balance).astype(np.float32)
-    color = np.clip(color, 0, 1) ** np.float32(np.exp(rng.normal(0, 0.12)))
-    gray = color.mean(axis=-1, keepdims=True)
-    color = gray + np.float32(rng.uniform(0.7, 1.2)) * (color - gray)
-    if rng.random() < 0.6:
-        color = cv2.GaussianBlur(color, (0, 0), rng.uniform(0.3, 1.2))
-    if rng.random() < 0.1:
-        color = cv2.filter2D(color, -1, _streak(int(rng.integers(3, 8)), rng.uniform(0, np.pi)))
-    noise = rng.standard_normal(color.shape, dtype=np.float32) * np.float32(rng.uniform(0, 0.025))
-    return _jpeg(color + noise, int(rng.integers(55, 97)))
-
-
-def _streak(length: int, angle: float) -> NDArray[np.float32]:
-    """The kernel of a picture that moved by `length` pixels while it was taken."""
-    kernel: NDArray[Any] = np.zeros((9, 9), np.float32)
-    along = np.array([np.cos(angle), np.sin(angle)]) * length / 2
-    a, b = (tuple(int(i) for i in np.rint(4 + s * along)) for s in (-1, 1))
-    cv2.line(kernel, a, b, 1.0)
-    return np.asarray(kernel / kernel.sum())
-
-
-def _jpeg(color: NDArray[Any], quality: int) -> bytes:
-    bgr = np.rint(255 * np.clip(color[..., ::-1], 0, 1)).astype(np.uint8)
-    return bytes(cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
