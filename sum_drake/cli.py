@@ -409,28 +409,13 @@ def _dataset(options: argparse.Namespace) -> None:
 
 
 def _render_dataset(catalogue: Path | None, out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
-    """Renders with progress: a line that is redrawn on a terminal, else one line each half minute."""
     from sum_drake.detection.dataset_job import render_dataset
     from sum_drake.doctor import require_rendering
     from sum_drake.objects import load_catalogue
 
     objects = load_catalogue(catalogue)
     require_rendering()
-    start = last = time.monotonic()
-
-    def report(what: str, done: int, total: int) -> None:
-        nonlocal last
-        now, terminal = time.monotonic(), sys.stderr.isatty()
-        if quiet or not (terminal or done == total or now - last > 30):
-            return
-        last, rate = now, done / (now - start)
-        line = (
-            f"{done} of {total} pictures, {rate:.1f} a second, {(total - done) / rate / 60:.0f} minutes left ({what})"
-        )
-        end = "" if terminal and done < total else "\n"
-        print(f"\r\033[K{line}" if terminal else line, end=end, file=sys.stderr, flush=True)
-
-    render_dataset(objects, out, plan, workers=workers, report=report)
+    render_dataset(objects, out, plan, workers=workers, report=_Counting(quiet=quiet))
 
 
 def _train(options: argparse.Namespace) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from detectors import write_untrained
 
+from sum_drake import cli
 from sum_drake.assets import MODELS
 from sum_drake.cli import RUN_FILES, main
 from sum_drake.objects import load_catalogue
@@ -286,3 +287,23 @@ def test_a_bench_of_nothing_is_refused(capsys, tmp_path, weights):
     assert "--workers 0" in refused(capsys, *bench, "--workers", "0", "--data", str(tmp_path))
     assert "--device abacus" in refused(capsys, *bench, "--device", "abacus")
     assert not (tmp_path / "bench").exists()
+
+
+def test_counting_tells_the_time_left_now_and_then(capsys, monkeypatch):
+    now = 0.0
+    monkeypatch.setattr("time.monotonic", lambda: now)
+    counting = cli._Counting(quiet=False)
+    for done in range(101):
+        counting("measuring", done, 100)
+        now += 4.0
+    counting("rendering", 1, 7)
+    assert capsys.readouterr().err.splitlines() == [
+        "measuring: 0 of 100",
+        *(f"measuring: {done} of 100, {left} left" for done, left in (
+            (8, "6 min"), (16, "6 min"), (24, "5 min"), (32, "5 min"), (40, "4 min"), (48, "3 min"), (56, "3 min"),
+            (64, "2 min"), (72, "112 s"), (80, "80 s"), (88, "48 s"), (96, "16 s"), (100, "0 s"),
+        )),
+        "rendering: 1 of 7",
+    ]  # fmt: skip
+    cli._Counting(quiet=True)("measuring", 1, 1)
+    assert capsys.readouterr().err == ""
