@@ -118,7 +118,7 @@ def test_aims_that_are_missed_are_said_to_be(measured):
 
 
 def test_the_page_shows_the_worst_pictures_first(measured, sets):
-    html = report_page(measured, figures(measured, 0.5), LABELS, 0.5, sets)
+    html = report_page(measured, figures(measured, 0.5), rows(measured, LABELS, 0.5), LABELS, 0.5, sets)
     assert html.count("data:image/jpeg") == 7
     at = [html.index(f"<figcaption>{name}:") for name in ("test/00001/0", "test/00003/0", "test/00000/0")]
     assert at == sorted(at)

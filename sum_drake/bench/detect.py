@@ -87,7 +87,8 @@ def bench_detect(
             "wall_s": time.monotonic() - start,
         }
         seeds = {"dataset": int(read_settings(folder)["seed"])}
-        html = report_page(measured, found, detector.labels, detector.threshold, sets)
+        table = rows(measured, detector.labels, detector.threshold)
+        html = report_page(measured, found, table, detector.labels, detector.threshold, sets)
     out.mkdir(parents=True, exist_ok=True)
     write_results(
         out,
@@ -96,7 +97,7 @@ def bench_detect(
         settings=settings,
         seeds=seeds,
         figures=found,
-        rows=rows(measured, detector.labels, detector.threshold),
+        rows=table,
     )
     write_whole(out / "report.html", html)
     return found

@@ -18,7 +18,6 @@ from sum_drake.bench.detect_figures import (
     by_proposer,
     judge,
     reached,
-    rows,
 )
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import ImageSet
@@ -35,6 +34,7 @@ _RIGHT, _FALSE, _MISSED, _LEFT_OUT = (90, 220, 120), (240, 70, 60), (255, 180, 4
 def report_page(
     measured: Sequence[Measured],
     found: Mapping[str, float],
+    table: Sequence[Mapping[str, Any]],
     labels: Sequence[str],
     threshold: float,
     sets: Mapping[str, ImageSet],
@@ -43,11 +43,10 @@ def report_page(
 
     Args:
         measured: of both splits.
-        found: the figures.
+        found, table: its figures and rows.
         labels, threshold: the detector's.
         sets: the pictures by split.
     """
-    table = rows(measured, labels, threshold)
     images = {split: [one.scored for one in measured if one.split == split] for split in (TEST, SHIFT)}
     parts = [
         "<h1>Detector</h1>",

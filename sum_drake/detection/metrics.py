@@ -150,12 +150,15 @@ def _match(
     boxes: Array, scores: Array, true_boxes: Array, scored: NDArray[np.bool_], threshold: float
 ) -> NDArray[np.int64]:
     """The object that each box takes, (n,): an index, FALSE or LEFT_OUT."""
-    overlaps = iou(boxes, true_boxes)
     taken = np.full(len(boxes), FALSE)
-    free = scored.copy()
+    if not len(boxes) or not len(true_boxes):
+        return taken
+    overlaps = iou(boxes, true_boxes)
     near = overlaps >= threshold
+    reaching = np.flatnonzero(near.any(axis=1))
+    free = scored.copy()
     rank = np.argsort(_order(np.zeros(len(true_boxes)), true_boxes))
-    for i in _order(scores, boxes):
+    for i in reaching[_order(scores[reaching], boxes[reaching])]:
         candidates = np.flatnonzero(near[i] & free)
         if len(candidates):
             taken[i] = candidates[np.lexsort((rank[candidates], -overlaps[i, candidates]))[0]]
