@@ -42,11 +42,11 @@ class DepthSegmentsConfig:
     """Size of the map that is segmented as a share of the picture's."""
     planes: int = 3
     """The most planes taken away."""
-    plane_share: float = 0.1
+    plane_share: float = 0.15
     """Share of the picture that a plane must fill to be taken for a support or a wall."""
     plane_tolerance: float = 0.008
     """What lies this near a plane belongs to it, as a share of the depth."""
-    steps: tuple[float, ...] = (0.06, 0.03, 0.015)
+    steps: tuple[float, ...] = (0.1, 0.05, 0.025)
     """Steps of depth at which segments are cut, as shares of the depth: one set of segments for each."""
     folds: tuple[float, ...] = (1.2, 0.6)
     """Concave turns of the surface, radians, at which the last set is cut further."""

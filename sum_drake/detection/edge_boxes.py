@@ -445,14 +445,14 @@ def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[I
 
 @compiled
 def _refine(index: _Index, edges: NDArray[np.int64], score: float, shift: float, least: float) -> float:
-    """Moves each border, first outwards, else inwards, where that scores more; halves the step down to 2 pixels (3.4).
+    """Moves each border, first outwards, else inwards, where that scores more; halves the step while it is 2 pixels or more (3.4).
 
     edges: (4,) x0, y0, x1, y1, changed in place. Returns the new score.
     """
     h, w = index.row_run.shape
     step_x, step_y = int((edges[2] - edges[0]) * shift) // 2, int((edges[3] - edges[1]) * shift) // 2
     tried = np.empty(4, np.int64)
-    while step_x > 2 or step_y > 2:
+    while step_x > 1 or step_y > 1:
         for side in (1, 3, 0, 2):
             step = max(1, step_x if side % 2 == 0 else step_y)
             outwards = -step if side < 2 else step

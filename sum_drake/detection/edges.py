@@ -29,11 +29,11 @@ class EdgesConfig:
     """Standard deviation of the smoothing before derivatives, pixels of the edge map."""
     color_edge: float = 30.0
     """Step of colour at which its cue is half of its most, CIE L*a*b* units."""
-    depth_edge: float = 0.015
+    depth_edge: float = 0.016
     """Step of depth at which that is so, as a share of the depth."""
     crease: float = 0.7
     """Turn of the surface at which that is so, radians."""
-    color_weight: float = 0.4
+    color_weight: float = 0.3
     """Share of colour in the magnitude, where there is depth."""
     crease_weight: float = 0.1
     """Share of creases; steps of depth have the rest."""
@@ -135,13 +135,13 @@ def _color_gradients(color: NDArray[np.uint8], size: tuple[int, int], config: Ed
     """Gradients along x and y (h, w, 3) of L*a*b*; a step of `color_edge` peaks at 1."""
     small = cv2.resize(color, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
     lab = np.asarray(cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2Lab), (0, 0), config.blur), dtype=np.float32)
-    unit = config.color_edge * _peak(config.blur)
+    unit = config.color_edge * (_below(1, config.blur) - _below(-1, config.blur))
     return _difference(lab, 1, 1) / unit, _difference(lab, 0, 1) / unit
 
 
-def _peak(blur: float) -> float:
-    """What x(+1) - x(-1) comes to at a step of 1 after the blur."""
-    return math.erf(1 / (math.sqrt(2) * blur))
+def _below(x: float, sigma: float) -> float:
+    """The normal distribution's share below x: a blurred step of 1 at 0, seen at x."""
+    return 0.5 * (1 + math.erf(x / (math.sqrt(2) * sigma)))
 
 
 def _shift(image: Floats, axis: int, by: int) -> Floats:
@@ -160,12 +160,14 @@ def depth_steps(log_depth: Floats, blur: float) -> tuple[Floats, Floats]:
     A slope is no step, however steep, and neither is a fold.
     """
     smooth = np.asarray(cv2.GaussianBlur(log_depth, (0, 0), blur), dtype=np.float32)
+    # What a step of 1, half a pixel away, comes to below.
+    unit = _below(0.5, blur) - _below(-1.5, blur) - (2 / 3) * (_below(3.5, blur) - _below(0.5, blur))
     steps = []
     for axis in (1, 0):
         far_before, before, after, far_after = (_shift(smooth, axis, by) for by in (-4, -1, 1, 4))
         slopes = (before - far_before) * (2 / 3), (far_after - after) * (2 / 3)
         step = after - before
-        steps.append((step - np.clip(step, np.minimum(*slopes), np.maximum(*slopes))) / _peak(blur))
+        steps.append((step - np.clip(step, np.minimum(*slopes), np.maximum(*slopes))) / unit)
     return steps[0], steps[1]
 
 
