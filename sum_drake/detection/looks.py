@@ -30,21 +30,23 @@ def draw_look(rng: np.random.Generator, target: Array, *, shift: bool = False) -
         return RenderEngineVtkParams(default_clear_color=background, lights=lights, force_to_pbr=pbr)
     return RenderEngineVtkParams(
         default_clear_color=background, lights=lights, force_to_pbr=pbr, exposure=rng.uniform(0.8, 1.6),
-        cast_shadows=True, shadow_map_size=2048,
+        cast_shadows=True, shadow_map_size=1024,
     )  # fmt: skip
 
 
 def _lamp(rng: np.random.Generator, target: Array, intensity: float, *, shift: bool) -> LightParameter:
     """A light above the target that shines on it, or nearly so: far away, near, or a spot."""
-    azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(25, 85))
+    # VTK's shadow maps need lamps that are far away and aslant: otherwise round things cast specks on themselves.
+    low, high = (42.0, 68.0) if shift else (25.0, 85.0)
+    azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(low, high))
     towards = -direction(azimuth, elevation)
     at = target + rng.uniform(-0.2, 0.2, 3) * [1, 1, 0]
     color = _light_color(rng, rng.uniform(0.4, 0.8) if shift else rng.uniform(0, 0.25))
     kind = "spot" if shift else str(rng.choice(["directional", "point"], p=[0.7, 0.3]))
-    distance = rng.uniform(1.5, 2.2) if shift else rng.uniform(0.8, 2.2)
+    distance = rng.uniform(3.0, 4.5) if shift else rng.uniform(0.8, 2.2)
     return LightParameter(
         type=kind, frame="world", position=at - distance * towards, direction=towards, intensity=intensity,
-        color=color, cone_angle=rng.uniform(20, 35) if shift else 0.0,
+        color=color, cone_angle=rng.uniform(8, 14) if shift else 0.0,
     )  # fmt: skip
 
 
