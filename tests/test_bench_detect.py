@@ -1,6 +1,7 @@
 """The bench on a detector made of annotations with known errors, and once as a whole with a small network."""
 
 import json
+import tempfile
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from detectors import write_untrained
 from pictures import LABELS, write_cards
 
 from sum_drake.assets import InputError
+from sum_drake.bench import detect
 from sum_drake.bench.detect import bench_detect
 from sum_drake.bench.detect_figures import (
     AIMS,
@@ -127,7 +129,8 @@ def test_the_page_shows_the_worst_pictures_first(measured, sets):
     assert judge(measured[1].scored, 0.5).errors == 2
 
 
-def test_the_whole_bench_measures_what_the_network_says(cards, tmp_path):
+def test_the_whole_bench_measures_what_the_network_says(cards, tmp_path, monkeypatch):
+    monkeypatch.setattr(detect, "QUICK_IMAGES", 1)
     weights = write_untrained(tmp_path / "w.safetensors", LABELS, threshold=0.3)
     catalogue = _Cards()
     out, told = tmp_path / "out", []
@@ -137,14 +140,14 @@ def test_the_whole_bench_measures_what_the_network_says(cards, tmp_path):
     results = json.loads((out / "results.json").read_text())
     assert results["schema"] == "sum-drake/bench/1"
     assert (results["bench"], results["quick"], results["seeds"]) == ("detect", True, {"dataset": 0})
-    assert results["settings"]["images"] == {"test": 4, "shift": 3}
+    assert results["settings"]["images"] == {"test": 1, "shift": 1}, "as many as asked for, of those there are"
     assert results["figures"] == pytest.approx(found, nan_ok=True)
     assert set(AIMS) <= set(found)
     assert 0 < found["cpu_s_per_image"] < 10
     assert 50 < found["peak_memory_mib"] < 2000
     assert found["edge_boxes_recall50_300"] == 1.0, "cards on grey are easily found"
     assert (out / "report.html").read_text().startswith("<!DOCTYPE html>")
-    assert told[-1] == ("measuring", 7, 7)
+    assert told[-1] == ("measuring", 2, 2)
 
 
 class _Cards:
@@ -170,3 +173,20 @@ def test_other_labels_and_missing_files_are_refused_before_anything_is_rendered(
     with pytest.raises(InputError, match="--workers 0"):
         bench_detect(out, _Cards(), data=cards, weights=weights, workers=0)
     assert not out.exists()
+
+
+def test_pictures_are_rendered_where_none_are_given(tmp_path, monkeypatch):
+    """One of each split, of scenes that training never draws, and nothing of them is left behind."""
+    monkeypatch.setattr(detect, "QUICK_IMAGES", 1)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    catalogue, told = load_catalogue(), []
+    weights = write_untrained(tmp_path / "w.safetensors", catalogue.labels, threshold=0.5)
+    bench_detect(
+        tmp_path / "out", catalogue, quick=True, seed=3, weights=weights, workers=1,
+        progress=lambda *now: told.append(now),
+    )  # fmt: skip
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["seeds"] == {"dataset": 3}
+    assert [row["name"] for row in results["rows"] if row["table"] == "image"] == ["test/00000/0", "shift/00000/0"]
+    assert told[:2] == [("test/00000", 1, 2), ("shift/00000", 2, 2)]
+    assert {path.name for path in tmp_path.iterdir()} == {"out", "w.safetensors"}
