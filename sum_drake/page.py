@@ -93,7 +93,8 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(420px, 1fr)); gap: 12px; }
 .gallery figure { margin: 0; } .gallery img { width: 100%; border-radius: 4px; display: block; }
 .gallery figcaption { font-size: 13px; color: var(--faint); }
-.plots { display: flex; flex-wrap: wrap; gap: 12px; align-items: flex-start; } .plots svg { max-width: 100%; height: auto; }
+.plots { display: flex; flex-wrap: wrap; gap: 12px; align-items: flex-start; }
+.plots svg { max-width: 100%; height: auto; }
 @media (max-width: 640px) {
   thead { display: none; }
   tr { display: grid; grid-template-columns: 1fr 1fr; padding: 6px 0; border-bottom: 1px solid var(--line); }
