@@ -137,7 +137,7 @@ def _run(
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(_THREADS)
     pool = concurrent.futures.ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), _begin_work, (catalogue.path, out, plan), max_tasks_per_child=200
+        workers, multiprocessing.get_context("spawn"), _begin_work, (catalogue.path, out, plan)
     )
     try:
         futures = {pool.submit(_work, *job): job for job in jobs}
