@@ -111,6 +111,14 @@ def test_a_scene_that_fails_is_named_and_the_finished_ones_stay(
     assert (copy / "train" / "00000").is_dir() and not (copy / "test" / "00000").exists()
 
 
+def test_workers_that_die_are_one_line(copy: Path, catalogue: Catalogue, tmp_path: Path) -> None:
+    shutil.rmtree(copy / "test" / "00000")
+    gone = Catalogue(tmp_path / "gone.yaml", catalogue.models)  # They cannot begin without it.
+    with pytest.raises(RuntimeError, match="a worker died, perhaps for lack of memory; the same command goes on"):
+        render_dataset(gone, copy, TINY, workers=2, report=ignore)
+    assert (copy / "train" / "00000").is_dir() and not (copy / "test" / "00000").exists()
+
+
 def test_the_table_counts_what_is_asked_for(rendered: Path, catalogue: Catalogue) -> None:
     lines = describe(rendered).splitlines()
     assert lines[0].split() == list(SPLITS)
