@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from detectors import write_untrained
 
-from sum_drake import cli
 from sum_drake.assets import MODELS
-from sum_drake.cli import RUN_FILES, main
+from sum_drake.cli import main
+from sum_drake.commands.common import Counting
+from sum_drake.commands.sort import RUN_FILES
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
@@ -123,9 +124,9 @@ def test_an_interrupt_waits_for_the_end_of_an_import(tmp_path):
         "print('imported', flush=True)\n"
     )
     code = (
-        "import sys, time, sum_drake.cli as cli\n"
+        "import sys, time, sum_drake.cli as cli, sum_drake.commands.doctor as doctor\n"
         "def check(options):\n    import slow\n    time.sleep(30)\n"
-        "cli._doctor = check\n"
+        "doctor._doctor = check\n"
         "sys.exit(cli.main(['doctor']))"
     )
     done = subprocess.run(
@@ -292,7 +293,7 @@ def test_a_bench_of_nothing_is_refused(capsys, tmp_path, weights):
 def test_counting_tells_the_time_left_now_and_then(capsys, monkeypatch):
     now = 0.0
     monkeypatch.setattr("time.monotonic", lambda: now)
-    counting = cli._Counting(quiet=False)
+    counting = Counting(quiet=False)
     for done in range(101):
         counting("measuring", done, 100)
         now += 4.0
@@ -305,5 +306,5 @@ def test_counting_tells_the_time_left_now_and_then(capsys, monkeypatch):
         )),
         "rendering: 1 of 7",
     ]  # fmt: skip
-    cli._Counting(quiet=True)("measuring", 1, 1)
+    Counting(quiet=True)("measuring", 1, 1)
     assert capsys.readouterr().err == ""

@@ -126,6 +126,7 @@ class Network(nn.Module):
             # Without normalisation the spread of the activations must come from the weights' (He et al. 2015).
             if isinstance(module, nn.Conv2d | nn.Linear):
                 nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
+                assert module.bias is not None
                 nn.init.zeros_(module.bias)
         for layer, deviation in ((self.classify, 0.01), (self.correct, 0.001)):
             nn.init.normal_(layer.weight, std=deviation)

@@ -1,0 +1,61 @@
+"""`sum-drake bench`: the experiments."""
+
+import argparse
+from pathlib import Path
+
+from sum_drake.commands.common import (
+    Commands,
+    Counting,
+    add_catalogue,
+    add_command,
+    add_group,
+    add_parallel,
+    add_quiet,
+    check_device,
+    check_free,
+)
+
+
+def add(commands: Commands) -> None:
+    """Declares the commands."""
+    text = "the experiments: figures, tables and plots"
+    benches = add_group(commands, "bench", text, "WHAT", "bench detect --help")
+    one = add_command(
+        benches, "detect", _bench_detect, "the detector on scenes it has not seen", "bench detect --out out/detect"
+    )
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="where results.json and report.html go")
+    one.add_argument("--quick", action="store_true", help="a tenth of the pictures")
+    one.add_argument("--seed", type=int, metavar="S", default=0, help="of the scenes that are rendered (default: 0)")
+    one.add_argument("--data", type=Path, metavar="DIR", help="pictures of sum-drake dataset instead of rendering some")
+    one.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
+    add_catalogue(one)
+    one.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
+    add_parallel(one, "--workers", "processes")
+    one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
+    add_quiet(one)
+
+
+def _bench_detect(options: argparse.Namespace) -> None:
+    from sum_drake.bench.detect import FILES, bench_detect
+    from sum_drake.bench.detect_figures import format_figures
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    check_free(options.out, FILES, force=options.force, what="bench")
+    check_device(options.device)
+    catalogue = load_catalogue(options.catalogue)
+    if options.data is None:
+        require_rendering()
+    found = bench_detect(
+        options.out,
+        catalogue,
+        quick=options.quick,
+        seed=options.seed,
+        data=options.data,
+        weights=options.weights,
+        device=options.device,
+        workers=options.workers,
+        progress=Counting(quiet=options.quiet),
+    )
+    print(format_figures(found))
+    print(options.out / "report.html")

@@ -1,0 +1,120 @@
+"""What several commands share: how they are declared, what they refuse, how they count."""
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from sum_drake.assets import InputError
+
+Commands: TypeAlias = "argparse._SubParsersAction[Any]"
+"""What `argparse.ArgumentParser.add_subparsers` returns."""
+
+
+def add_command(
+    commands: Commands,
+    name: str,
+    command: Callable[[argparse.Namespace], None],
+    text: str,
+    example: str,
+) -> argparse.ArgumentParser:
+    """The parser of a command of this name, with one line about it and an example, which runs `command`."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name, help=text, description=text, epilog=f"example: sum-drake {example}"
+    )
+    parser.set_defaults(command=command)
+    return parser
+
+
+def add_group(commands: Commands, name: str, text: str, what: str, example: str) -> Commands:
+    """The commands below a command of this name; `what` they are called in its usage."""
+    parser = commands.add_parser(name, help=text, description=text, epilog=f"example: sum-drake {example}")
+    below: Commands = parser.add_subparsers(required=True, metavar=what)
+    return below
+
+
+def add_catalogue(parser: argparse.ArgumentParser, default: str = "the package's fifteen") -> None:
+    """--catalogue."""
+    parser.add_argument("--catalogue", type=Path, metavar="FILE", help=f"objects (default: {default})")
+
+
+def add_quiet(parser: argparse.ArgumentParser) -> None:
+    """--quiet."""
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+
+
+def add_parallel(parser: argparse.ArgumentParser, option: str, what: str) -> None:
+    """An option that says how many of something run at a time."""
+    parser.add_argument(
+        option, type=int, metavar=option[2].upper(), default=os.cpu_count() or 1, help=f"{what} (default: all)"
+    )
+
+
+def check_count(option: str, count: int | None, least: int = 1) -> None:
+    """Refuses a count below the least."""
+    if count is not None and count < least:
+        raise InputError(f"{option} {count}: expected {least} or more")
+
+
+def check_free(out: Path, names: Sequence[str], *, force: bool, what: str = "run") -> None:
+    """Refuses a folder that holds anything, unless it is a run, or what else, to be replaced: files of these names."""
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: a file; expected a folder or a new name")
+    if not out.is_dir() or not any(out.iterdir()):
+        return
+    if not force:
+        raise InputError(
+            f"--out {out}: exists and is not empty; expected a new folder, or --force to replace the {what}"
+        )
+    foreign = sorted(path.name for path in out.iterdir() if path.name not in names)
+    if foreign:
+        raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a {what}; expected a {what} folder")
+
+
+def check_device(name: str) -> None:
+    """Refuses a device that torch does not have."""
+    import torch
+
+    try:
+        kind = torch.device(name).type
+    except RuntimeError:
+        kind = ""
+    if kind not in ("cpu", "cuda"):
+        raise InputError(f"--device {name}: unknown; expected cpu or cuda")
+    if kind == "cuda" and not torch.cuda.is_available():
+        raise InputError(f"--device {name}: torch finds no CUDA device; expected cpu")
+
+
+def check_writable(file: Path) -> None:
+    """Refuses a file in a folder that is not there."""
+    if file.is_dir() or not file.parent.is_dir():
+        raise InputError(f"{file}: cannot be written; expected a file in a folder that exists")
+
+
+class Counting:
+    """How many of how many, and the time left: a line redrawn on a terminal, else one each half minute."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet, self._terminal = quiet, sys.stderr.isatty()
+        self._told, self._of = float("-inf"), (0, 0)
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """what: that is being done; done: of `total`, from 0 or 1 on."""
+        now = time.monotonic()
+        if self._of[1] != total or done < self._of[0]:
+            self._begun, self._from, self._told = now, done, float("-inf")
+        self._of = (done, total)
+        if self._quiet or not (self._terminal or done == total or now - self._told > 30):
+            return
+        self._told = now
+        left = (now - self._begun) / (done - self._from) * (total - done) if done > self._from else None
+        line = f"{what}: {done} of {total}" + ("" if left is None else f", {_duration(left)} left")
+        end = "" if self._terminal and done < total else "\n"
+        print(f"\r\033[K{line}" if self._terminal else line, end=end, file=sys.stderr, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"

@@ -1,0 +1,169 @@
+"""`sum-drake dataset`, `train` and `detect`: the detector, from its data to a picture of one's own."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sum_drake.assets import InputError
+from sum_drake.commands.common import (
+    Commands,
+    Counting,
+    add_catalogue,
+    add_command,
+    add_parallel,
+    add_quiet,
+    check_count,
+    check_device,
+    check_free,
+)
+from sum_drake.files import write_whole
+
+if TYPE_CHECKING:
+    from sum_drake.detection.dataset_job import Plan
+
+
+def add(commands: Commands) -> None:
+    """Declares the commands."""
+    dataset = add_command(
+        commands, "dataset", _dataset, "render the detector's data set; called again, it goes on", "dataset --quick"
+    )
+    dataset.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("data/detect"), help="where to (default: data/detect)"
+    )
+    dataset.add_argument(
+        "--scenes", type=int, nargs=4, metavar=("TRAIN", "VALIDATION", "TEST", "SHIFT"),
+        help="how many of each split (default: 560 60 200 200)",
+    )  # fmt: skip
+    dataset.add_argument("--seed", type=int, metavar="S", default=0, help="seed of the scenes (default: 0)")
+    add_catalogue(dataset)
+    dataset.add_argument("--quick", action="store_true", help="a small set, in about a minute")
+    add_parallel(dataset, "--workers", "processes")
+    add_quiet(dataset)
+
+    train = add_command(commands, "train", _train, "train the detector", "train --data data/detect --out out/train")
+    train.add_argument("--data", type=Path, metavar="DIR", help="data set, as sum-drake dataset writes it")
+    train.add_argument(
+        "--out", type=Path, metavar="DIR", default=Path("out/train"), help="where to (default: out/train)"
+    )
+    train.add_argument("--seed", type=int, metavar="S", default=0, help="seed of the training (default: 0)")
+    train.add_argument("--epochs", type=int, metavar="N", help="times that every picture is seen")
+    train.add_argument(
+        "--start", choices=("imagenet", "random"), default="imagenet", help="what the backbone begins as"
+    )
+    train.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
+    add_parallel(train, "--threads", "of the CPU")
+    train.add_argument("--quick", action="store_true", help="the whole path on a small set that is rendered first")
+    train.add_argument("--catalogue", type=Path, metavar="FILE", help="objects, with --quick (default: the package's)")
+    add_quiet(train)
+
+    detect = add_command(
+        commands, "detect", _detect, "the objects in a picture of your own", "detect photo.jpg --out out/photo"
+    )
+    detect.add_argument("picture", type=Path, metavar="PICTURE", help="PNG or JPEG, 160 to 4096 pixels a side")
+    detect.add_argument("--depth", type=Path, metavar="FILE", help="its depth, PNG of 16 bits; 0 where it is missing")
+    detect.add_argument(
+        "--depth-scale", type=float, metavar="M", default=0.001, help="metres a unit of the depth (default: 0.001)"
+    )
+    detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
+    detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/detected/PICTURE)")
+    detect.add_argument("--force", action="store_true", help="replace the detections that are in the folder")
+
+
+def _dataset(options: argparse.Namespace) -> None:
+    import dataclasses
+
+    from sum_drake.detection.dataset import SPLITS
+    from sum_drake.detection.dataset_job import FULL, QUICK, describe
+
+    plan = dataclasses.replace(QUICK if options.quick else FULL, seed=options.seed)
+    if options.scenes is not None:
+        if min(options.scenes) < 1:
+            raise InputError(f"--scenes {' '.join(map(str, options.scenes))}: expected four counts of at least 1")
+        plan = dataclasses.replace(plan, scenes=dict(zip(SPLITS, options.scenes, strict=True)))
+    check_count("--seed", options.seed, least=0)
+    check_count("--workers", options.workers)
+    _render_dataset(options.catalogue, options.out, plan, workers=options.workers, quiet=options.quiet)
+    print(describe(options.out))
+
+
+def _render_dataset(catalogue: Path | None, out: Path, plan: "Plan", *, workers: int, quiet: bool) -> None:
+    from sum_drake.detection.dataset_job import render_dataset
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    objects = load_catalogue(catalogue)
+    require_rendering()
+    render_dataset(objects, out, plan, workers=workers, report=Counting(quiet=quiet))
+
+
+def _train(options: argparse.Namespace) -> None:
+    import dataclasses
+    import datetime
+
+    import torch
+
+    from sum_drake.detection.dataset import ImageSet
+    from sum_drake.detection.dataset_job import QUICK
+    from sum_drake.detection.evaluation import evaluate
+    from sum_drake.detection.inference import Detector
+    from sum_drake.detection.training import Recipe, read_log, train
+    from sum_drake.detection.training_report import write_results
+    from sum_drake.doctor import versions
+
+    check_device(options.device)
+    check_count("--seed", options.seed, least=0)
+    check_count("--epochs", options.epochs)
+    check_count("--threads", options.threads)
+    data = options.data
+    if data is None and not options.quick:
+        raise InputError("--data is missing; expected the folder of a data set (sum-drake dataset), or --quick")
+    torch.set_num_threads(options.threads)
+    recipe = Recipe(seed=options.seed, start=options.start, **({"epochs": options.epochs} if options.epochs else {}))
+
+    def say(line: str) -> None:
+        if not options.quiet:
+            print(line, file=sys.stderr, flush=True)
+
+    if data is None:
+        data = options.out / "data"
+        plan = dataclasses.replace(QUICK, seed=options.seed)
+        _render_dataset(options.catalogue, data, plan, workers=options.threads, quiet=options.quiet)
+        recipe = dataclasses.replace(recipe, epochs=options.epochs or 6, warm_up=40, averaging=0.98)
+    weights = train(data, options.out, recipe, device=options.device, report=say)
+    images = evaluate(Detector(weights), ImageSet(data, "validation"))
+    file = write_results(
+        options.out,
+        weights,
+        images=images,
+        log=read_log(options.out / "log.jsonl"),
+        recipe=dataclasses.asdict(recipe),
+        data=ImageSet(data, "train").settings,
+        date=datetime.date.today().isoformat(),
+        versions=versions(),
+    )
+    print(file)
+
+
+def _detect(options: argparse.Namespace) -> None:
+    import cv2
+
+    from sum_drake.detection.inference import load_detector
+    from sum_drake.detection.listing import detection_rows, detection_table, draw_detections
+    from sum_drake.detection.picture import read_depth, read_picture
+    from sum_drake.jsonio import write_json
+
+    out = options.out if options.out is not None else Path("out/detected") / options.picture.stem
+    names = ("detections.json", "detections.png")
+    check_free(out, names, force=options.force, what="detection")
+    color = read_picture(options.picture)
+    depth = read_depth(options.depth, color.shape[:2], scale=options.depth_scale) if options.depth is not None else None
+    detector = load_detector(options.weights)
+    detections = detector(color, depth)
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(out / names[0], detection_rows(detections))
+    drawn = draw_detections(color, detections, detector.labels)
+    _, png = cv2.imencode(".png", cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR))
+    write_whole(out / names[1], png.tobytes())
+    print(detection_table(detections))
+    print(out / names[1])

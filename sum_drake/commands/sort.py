@@ -1,0 +1,135 @@
+"""`sum-drake sort`: the main job."""
+
+import argparse
+import contextlib
+import logging
+import shlex
+import sys
+import time
+from pathlib import Path
+
+from sum_drake.commands.common import Commands, add_catalogue, add_command, add_quiet, check_free, check_writable
+from sum_drake.files import write_whole
+
+
+def add(commands: Commands) -> None:
+    """Declares the command."""
+    sort = add_command(
+        commands, "sort", _run, "pour objects on the table, perceive and sort them", "sort --seed 3 --objects 5"
+    )
+    sort.description = (
+        "Pour objects on the table, perceive and sort them. The exit code is 0 when the run came to its own end, with"
+        " objects left on the table, too: the last line printed, outcome in summary.json and report.html tell how many"
+        " were sorted and why it stopped. 1: the run failed; 2: bad input."
+    )
+    sort.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
+    sort.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
+    sort.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
+    sort.add_argument("--seed", type=int, metavar="S", help="seed of the run (default: the scenario's random_seed)")
+    sort.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
+    add_catalogue(sort, "the scenario's")
+    sort.add_argument("--graphviz", type=Path, metavar="FILE", help="write the diagram in Graphviz's format, too")
+    sort.add_argument("--out", type=Path, metavar="DIR", help="run folder (default: runs/SEED)")
+    sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
+    add_quiet(sort)
+
+
+def _run(options: argparse.Namespace) -> None:
+    from pydrake.systems.framework import Diagram
+
+    from sum_drake.doctor import device, require_rendering, versions
+    from sum_drake.jsonio import write_json
+    from sum_drake.objects import load_catalogue
+    from sum_drake.report import write_report
+    from sum_drake.runlog import RunLogWriter
+    from sum_drake.systems.episode import run
+    from sum_drake.systems.scenario import catalogue_of, dump_scenario, load_scenario
+    from sum_drake.systems.verdict import score
+
+    logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
+    scenario = load_scenario(
+        options.scenario_file,
+        options.scenario_name,
+        options.scenario_text,
+        seed=options.seed,
+        objects=options.objects,
+        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
+    )
+    catalogue = catalogue_of(scenario)
+    out = options.out if options.out is not None else Path("runs") / str(scenario.random_seed)
+    check_free(out, RUN_FILES, force=options.force)
+    if options.graphviz is not None:
+        check_writable(options.graphviz)
+    require_rendering()
+    progress = _Progress(quiet=options.quiet)
+    written = "nothing was written"
+    stack = contextlib.ExitStack()
+
+    def open_log() -> RunLogWriter:
+        """Only now, when everything has been made, is anything written."""
+        nonlocal written
+        out.mkdir(parents=True, exist_ok=True)
+        for name in RUN_FILES:
+            (out / name).unlink(missing_ok=True)
+        write_whole(out / "scenario.yaml", dump_scenario(scenario))
+        log = RunLogWriter(out / "run.mcap", metadata={"seed": str(scenario.random_seed)})
+        written = f"{out} holds what was done until then: sum-drake report {shlex.quote(str(out))}"
+        return stack.enter_context(log)
+
+    def draw(diagram: Diagram) -> None:
+        if options.graphviz is not None:
+            write_whole(options.graphviz, diagram.GetGraphvizString())
+
+    try:
+        with stack:
+            episode = run(scenario, catalogue, open_log=open_log, progress=progress, on_diagram=draw)
+        summary = score(episode, scenario, catalogue, versions=versions(), device=device())
+        write_json(out / "summary.json", summary)
+        write_report(out, catalogue)
+    except KeyboardInterrupt:
+        progress.clear()
+        raise KeyboardInterrupt(written) from None
+    progress.done(
+        f"{summary['outcome']}: {summary['objects_sorted']} of {summary['objects_total']} objects sorted, "
+        f"{summary['objects_missorted']} missorted, {summary['manipulation_trials']} trials, "
+        f"{episode.sim_time_s:.0f} s simulated in {episode.wall_s:.0f} s; {out / 'report.html'}"
+    )
+    if episode.error is not None:
+        raise RuntimeError(summary["outcome"].removeprefix("stopped: failed: ")) from episode.error
+
+
+RUN_FILES = ("scenario.yaml", "run.mcap", "summary.json", "report.html")
+
+
+class _Progress:
+    """What is being done: line by line; on a terminal with a bar below that is redrawn in place; nothing if quiet."""
+
+    WIDTH = 24
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet, self._terminal, self._start = quiet, sys.stderr.isatty(), time.monotonic()
+
+    def __call__(self, what: str, sim_time: float, share: float = 0.0) -> None:
+        """what: a step that was taken, "" between steps; share: of the objects that were let go where they belong."""
+        if self._quiet:
+            return
+        now = f"{time.monotonic() - self._start:6.1f} s, simulated {sim_time:6.1f} s"
+        if what:
+            print(f"{self._clear()}[{now}] {what}", file=sys.stderr, flush=True)
+        if self._terminal:
+            done = round(self.WIDTH * share)
+            print(f"{self._clear()}[{'#' * done:-<{self.WIDTH}}] {now}", end="", file=sys.stderr, flush=True)
+
+    def done(self, what: str) -> None:
+        """The last line, on standard output."""
+        if not self._quiet:
+            self.clear()
+            print(what)
+
+    def clear(self) -> None:
+        """Takes the bar away."""
+        if not self._quiet:
+            print(self._clear(), end="", file=sys.stderr, flush=True)
+
+    def _clear(self) -> str:
+        return "\r\033[K" if self._terminal else ""
