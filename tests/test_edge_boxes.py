@@ -15,7 +15,7 @@ from sum_drake.detection.proposals import PROPOSERS, iou, nms
 from sum_drake.objects import load_catalogue
 
 CONFIG = eb.EdgeBoxesConfig()
-FULL = EdgesConfig(scale=1.0)
+FULL = EdgesConfig(scale=1.0, blur=1.0)
 
 
 def scribble(seed: int, h: int = 60, w: int = 80) -> Edges:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sum_drake.assets import InputError
 from sum_drake.detection.edges import EdgesConfig, depth_steps, fill_missing, find_edges, surface_normals
 
-FULL = EdgesConfig(scale=1.0)
+FULL = EdgesConfig(scale=1.0, blur=1.0)
 GREY = np.full((96, 128, 3), 128, np.uint8)
 
 

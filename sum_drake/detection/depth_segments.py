@@ -108,7 +108,7 @@ def depth_segments(depth: NDArray[np.float32], config: DepthSegmentsConfig) -> P
     log_depth = smaller_log_depth(filled, size)
     outstanding = ~on_planes(log_depth, config)
     edges = EdgesConfig()
-    steps = np.hypot(*depth_steps(log_depth, edges.blur))
+    steps = np.hypot(*depth_steps(log_depth, edges.blur * config.scale))
     folds = concave_folds(log_depth, edges.focal_length * size[0])
 
     cuts = [steps > least for least in config.steps]

@@ -445,7 +445,7 @@ def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[I
 
 @compiled
 def _refine(index: _Index, edges: NDArray[np.int64], score: float, shift: float, least: float) -> float:
-    """Moves each border, first outwards, else inwards, where that scores more; halves the step while it is 2 pixels or more (3.4).
+    """Moves each border, first outwards, else inwards, where that scores more; steps halve down to 2 pixels (3.4).
 
     edges: (4,) x0, y0, x1, y1, changed in place. Returns the new score.
     """

@@ -9,6 +9,7 @@ more than its colour's share, and a contour that all three see stands out.
 
 import dataclasses
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 from sum_drake.assets import InputError
 
 Floats = NDArray[np.float32]
+Gradients = tuple[Floats, Floats]
+"""Of an image's channels (h, w, c) along x and y."""
 
 
 @dataclasses.dataclass
@@ -25,8 +28,8 @@ class EdgesConfig:
 
     scale: float = 0.5
     """Size of the edge map as a share of the picture's; 1 finds most, .5 costs less than half."""
-    blur: float = 1.0
-    """Standard deviation of the smoothing before derivatives, pixels of the edge map."""
+    blur: float = 2.0
+    """Standard deviation of the smoothing before derivatives, pixels of the picture."""
     color_edge: float = 30.0
     """Step of colour at which its cue is half of its most, CIE L*a*b* units."""
     depth_edge: float = 0.016
@@ -72,17 +75,16 @@ def find_edges(color: NDArray[np.uint8], depth: NDArray[np.floating] | None, con
     check_images(color, depth)
     h, w = color.shape[:2]
     size = (max(round(w * config.scale), 8), max(round(h * config.scale), 8))
-    cues = [(config.color_weight, _tensor(*_color_gradients(color, size, config)))]
+    cues = [(1.0, _tensor(*_color_gradients(color, size, config)))]
     filled = None if depth is None else fill_missing(depth)
     if filled is not None:
-        log_depth = smaller_log_depth(filled, size)
-        steps = 1 - config.color_weight - config.crease_weight
-        cues += [
-            (steps, _tensor(*(step[..., None] / config.depth_edge for step in depth_steps(log_depth, config.blur)))),
-            (config.crease_weight, _tensor(*_creases(log_depth, config))),
+        steps, creases = _depth_gradients(smaller_log_depth(filled, size), config)
+        step_weight = 1 - config.color_weight - config.crease_weight
+        cues = [
+            (config.color_weight, cues[0][1]),
+            (step_weight, _tensor(*steps)),
+            (config.crease_weight, _tensor(*creases)),
         ]
-    else:
-        cues = [(1.0, cues[0][1])]
     strength, tensor = np.zeros(size[::-1], np.float32), np.zeros((*size[::-1], 3), np.float32)
     for weight, cue in cues:
         largest = _largest_eigenvalue(cue)
@@ -131,11 +133,12 @@ def _fill_rows(depth: Floats) -> Floats:
     return np.maximum(np.take_along_axis(depth, before, 1), np.take_along_axis(depth, after, 1))
 
 
-def _color_gradients(color: NDArray[np.uint8], size: tuple[int, int], config: EdgesConfig) -> tuple[Floats, Floats]:
+def _color_gradients(color: NDArray[np.uint8], size: tuple[int, int], config: EdgesConfig) -> Gradients:
     """Gradients along x and y (h, w, 3) of L*a*b*; a step of `color_edge` peaks at 1."""
+    blur = config.blur * config.scale
     small = cv2.resize(color, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255
-    lab = np.asarray(cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2Lab), (0, 0), config.blur), dtype=np.float32)
-    unit = config.color_edge * (_below(1, config.blur) - _below(-1, config.blur))
+    lab = np.asarray(cv2.GaussianBlur(cv2.cvtColor(small, cv2.COLOR_RGB2Lab), (0, 0), blur), dtype=np.float32)
+    unit = config.color_edge * (_below(1, blur) - _below(-1, blur))
     return _difference(lab, 1, 1) / unit, _difference(lab, 0, 1) / unit
 
 
@@ -154,21 +157,39 @@ def _difference(image: Floats, axis: int, reach: int) -> Floats:
     return _shift(image, axis, reach) - _shift(image, axis, -reach)
 
 
-def depth_steps(log_depth: Floats, blur: float) -> tuple[Floats, Floats]:
+def _depth_gradients(log_depth: Floats, config: EdgesConfig) -> tuple[Gradients, Gradients]:
+    """Steps (h, w, 1) and turns of the normal (h, w, 3) along x and y; a step of `depth_edge`, a turn of `crease` is 1.
+
+    How far they reach is set in pixels of the picture, as the frayed contours of a depth image are.
+    """
+    reach = max(round(2 * config.scale), 1)
+    x, y = depth_steps(log_depth, config.blur * config.scale, reach)
+    normals = surface_normals(log_depth, config.focal_length * log_depth.shape[1], 3 * reach)
+    # A fold turns the estimates over a width; smoothed, it has its peak in the middle.
+    normals = np.asarray(cv2.GaussianBlur(normals, (0, 0), reach), dtype=np.float32)
+    return (
+        (x[..., None] / config.depth_edge, y[..., None] / config.depth_edge),
+        (_difference(normals, 1, 2 * reach) / config.crease, _difference(normals, 0, 2 * reach) / config.crease),
+    )
+
+
+def depth_steps(log_depth: Floats, blur: float, reach: int = 1) -> tuple[Floats, Floats]:
     """Steps of log depth (h, w) along x and y, signed, as shares of the depth, over what the slopes beside account for.
 
-    A slope is no step, however steep, and neither is a fold.
+    A slope is no step, however steep, and neither is a fold. blur: standard deviation of the smoothing before, pixels;
+    reach: how far to either side the step is taken. The slopes are those of the next three times as many pixels.
     """
     smooth = np.asarray(cv2.GaussianBlur(log_depth, (0, 0), blur), dtype=np.float32)
-    # What a step of 1, half a pixel away, comes to below.
-    unit = _below(0.5, blur) - _below(-1.5, blur) - (2 / 3) * (_below(3.5, blur) - _below(0.5, blur))
-    steps = []
-    for axis in (1, 0):
-        far_before, before, after, far_after = (_shift(smooth, axis, by) for by in (-4, -1, 1, 4))
+
+    def beyond(far_before: Any, before: Any, after: Any, far_after: Any) -> Any:
         slopes = (before - far_before) * (2 / 3), (far_after - after) * (2 / 3)
         step = after - before
-        steps.append((step - np.clip(step, np.minimum(*slopes), np.maximum(*slopes))) / unit)
-    return steps[0], steps[1]
+        return step - np.clip(step, np.minimum(*slopes), np.maximum(*slopes))
+
+    reaches = (-4 * reach, -reach, reach, 4 * reach)
+    unit = beyond(*(_below(by + 0.5, blur) for by in reaches))  # of a step of 1, half a pixel away
+    x, y = (beyond(*(_shift(smooth, axis, by) for by in reaches)) / np.float32(unit) for axis in (1, 0))
+    return x, y
 
 
 def concave_folds(log_depth: Floats, focal_length: float) -> Floats:
@@ -181,13 +202,7 @@ def concave_folds(log_depth: Floats, focal_length: float) -> Floats:
     return np.asarray(np.maximum(np.maximum(*turns) * np.float32(focal_length / 3), 0))
 
 
-def _creases(log_depth: Floats, config: EdgesConfig) -> tuple[Floats, Floats]:
-    """Turns of the surface normal along x and y (h, w, 3); `crease` gives 1."""
-    normals = surface_normals(log_depth, config.focal_length * log_depth.shape[1])
-    return _difference(normals, 1, 2) / config.crease, _difference(normals, 0, 2) / config.crease
-
-
-def surface_normals(log_depth: Floats, focal_length: float) -> Floats:
+def surface_normals(log_depth: Floats, focal_length: float, reach: int = 3) -> Floats:
     """Unit normals (h, w, 3) in the camera's axes, towards the camera, of log depth (h, w); focal length in pixels.
 
     Slopes are taken from the side on which the surface goes on more smoothly, so they do not reach over a step.
@@ -196,8 +211,8 @@ def surface_normals(log_depth: Floats, focal_length: float) -> Floats:
     smooth = _smooth_surface(log_depth)
     slopes = []
     for axis in (1, 0):
-        before, after = smooth - _shift(smooth, axis, -3), _shift(smooth, axis, 3) - smooth
-        slopes.append(np.where(np.abs(before) < np.abs(after), before, after) / 3)
+        before, after = smooth - _shift(smooth, axis, -reach), _shift(smooth, axis, reach) - smooth
+        slopes.append(np.where(np.abs(before) < np.abs(after), before, after) / reach)
     v, u = np.mgrid[:h, :w].astype(np.float32)
     # 1 / z of a plane is affine in the pixel: n ~ (f a, f b, c) for 1/z = a u + b v + c, here divided by 1/z.
     x, y = slopes
