@@ -18,8 +18,8 @@ def evaluate(detector: Detector, images: Sequence[AnnotatedImage]) -> list[metri
     """What a detector makes of each picture."""
     scored = []
     for image in images:
-        found = detector.detect(image.color, image.depth)
-        true = detector.classify(image.color, np.array([one.box for one in image.objects]).reshape(-1, 4))
+        true_boxes = np.reshape([one.box for one in image.objects], (-1, 4))
+        found, true = detector.examine(image.color, image.depth, true_boxes)
         scored.append(metrics.scored_image(image, detector.labels, found.boxes, found.probabilities, true))
     return scored
 

@@ -59,6 +59,8 @@ class Recipe:
     """What the backbone begins as: "imagenet" or "random"."""
 
 
+FOLLOWED = 60
+"""So many validation pictures, evenly spread, follow the training from epoch to epoch."""
 REPORT_EVERY = 20
 """Steps between two lines of the log."""
 LOSS_WEIGHTS = {"objectness": 1.0, "proposals": 0.5, "classes": 1.0, "corrections": 1.0}
@@ -89,8 +91,9 @@ def train(
     checkpoint = out / "checkpoint.pt"
     training.resume(checkpoint, description)
     log = _Log(out / "log.jsonl", training.step)
+    followed = validation[:: -(-len(validation) // FOLLOWED)]
     if training.step == 0:
-        log.write(0, figures(evaluate(Detector(training.weights()), validation)))
+        log.write(0, figures(evaluate(Detector(training.weights()), followed)))
     began, first, saved = time.monotonic(), training.step, time.monotonic()
     sums: dict[str, float] = {}
     while training.step < training.steps:
@@ -108,7 +111,7 @@ def train(
             report(f"step {training.step} of {training.steps}: {shown}; {left / 60:.0f} min left")
             sums = {}
         if at + 1 == per_epoch:
-            found = figures(evaluate(Detector(training.weights()), validation))
+            found = figures(evaluate(Detector(training.weights()), followed))
             log.write(training.step, found)
             shown = ", ".join(f"{name} {value:.3f}" for name, value in found.items())
             report(f"epoch {epoch + 1} of {recipe.epochs}, on validation: {shown}")
