@@ -40,6 +40,8 @@ class EdgeBoxesConfig:
     """Exponent of the affinity of two groups (eq. 1)."""
     kappa: float = 1.5
     """Exponent of the box's size in its score (eq. 3); larger favours smaller boxes."""
+    finest_step: int = 2
+    """Refinement moves borders by steps that halve down to this, pixels of the edge map; 3 in the authors' code."""
     min_score: float = 0.01
     """Boxes that score less are dropped."""
     max_boxes: int = 1000
@@ -59,8 +61,9 @@ class EdgeBoxesConfig:
         for name in ("alpha", "beta", "eta"):
             if not 0 < getattr(self, name) <= 1 or (name == "alpha" and self.alpha == 1):
                 raise InputError(f"edge boxes: {name} is {getattr(self, name)}, expected a number between 0 and 1")
-        if not self.max_boxes >= 1:
-            raise InputError(f"edge boxes: max_boxes is {self.max_boxes}, expected at least 1")
+        for name in ("max_boxes", "finest_step"):
+            if not getattr(self, name) >= 1:
+                raise InputError(f"edge boxes: {name} is {getattr(self, name)}, expected at least 1")
         if not self.min_box_area >= 16:
             raise InputError(f"edge boxes: min_box_area is {self.min_box_area}, expected at least 16 pixels")
         if not self.max_aspect_ratio >= 1:
@@ -95,7 +98,7 @@ def edge_boxes(edges: Edges, config: EdgeBoxesConfig) -> Proposals:
         config.kappa,
     )
     windows = make_windows(ids.shape, config.alpha, config.min_box_area * edges.scale**2, config.max_aspect_ratio)
-    boxes, scores = _search(windows, index, _shift(config.alpha), config.min_score)
+    boxes, scores = _search(windows, index, _shift(config.alpha), config.finest_step, config.min_score)
     order = np.argsort(-scores, kind="stable")
     kept = order[_suppress(boxes[order], config.beta, config.eta, config.max_boxes)]
     # The border of a scored box crosses no contour: what it holds begins a pixel inside, and ends before its last one.
@@ -343,18 +346,6 @@ def _sum(integral: Array, x0: int, y0: int, x1: int, y1: int) -> float:
 
 
 @compiled
-def _reach_runs(index: _Index, group: Ints, first: int, last: int, n: int) -> int:
-    """Puts the groups of runs on the box's border, tied with strength 1, where not yet reached; how many there are."""
-    number = index.stamp[-1]
-    for run in range(first, last + 1):
-        j = group[run]
-        if j > 0 and index.stamp[j] != number:
-            index.reached[n], index.chain[n], index.stamp[j], index.place[j] = j, 1.0, number, n
-            n += 1
-    return n
-
-
-@compiled
 def _score(index: _Index, x0: int, y0: int, x1: int, y1: int, least: float) -> float:
     """h_in of the box whose border runs through the pixels x0, y0, x1, y1 (eq. 2 to 4); 0 where it is below `least`."""
     b_w, b_h = (x1 - x0) // 2, (y1 - y0) // 2
@@ -365,35 +356,48 @@ def _score(index: _Index, x0: int, y0: int, x1: int, y1: int, least: float) -> f
     if score * factor < least:
         return 0.0
 
-    index.stamp[-1] += 1
-    number = index.stamp[-1]
-    n = _reach_runs(index, index.row_group, index.row_run[y0, x0], index.row_run[y0, x1], 0)
-    n = _reach_runs(index, index.row_group, index.row_run[y1, x0], index.row_run[y1, x1], n)
-    n = _reach_runs(index, index.column_group, index.column_run[x0, y0], index.column_run[x0, y1], n)
-    n = _reach_runs(index, index.column_group, index.column_run[x1, y0], index.column_run[x1, y1], n)
+    chain, reached, place, stamp = index.chain, index.reached, index.place, index.stamp
+    xs, ys, magnitude = index.x, index.y, index.magnitude
+    start, akin, affinity = index.affinities.start, index.affinities.group, index.affinities.value
+    last = len(stamp) - 1
+    stamp[last] += 1
+    number = stamp[last]
+    n = 0
+    for group, run, line, low, high in (
+        (index.row_group, index.row_run, y0, x0, x1),
+        (index.row_group, index.row_run, y1, x0, x1),
+        (index.column_group, index.column_run, x0, y0, y1),
+        (index.column_group, index.column_run, x1, y0, y1),
+    ):
+        for k in range(run[line, low], run[line, high] + 1):
+            j = group[k]
+            if j > 0 and stamp[j] != number:
+                reached[n], chain[n], stamp[j], place[j] = j, 1.0, number, n
+                n += 1
     # w_b of a group is 1 less the strength of the strongest chain of affinities to a group on the border (eq. 4).
     i = 0
     while i < n:
-        j = index.reached[i]
+        j = reached[i]
+        strength = chain[i]
         again = n
-        for k in range(index.affinities.start[j], index.affinities.start[j + 1]):
-            strength = index.chain[i] * index.affinities.value[k]
-            if strength < LEAST_AFFINITY:
+        for k in range(start[j], start[j + 1]):
+            tie = strength * affinity[k]
+            if tie < LEAST_AFFINITY:
                 continue
-            q = index.affinities.group[k]
-            if index.stamp[q] == number:
-                if strength > index.chain[index.place[q]]:
-                    index.chain[index.place[q]] = strength
-                    again = min(again, index.place[q])
-            elif x0 <= index.x[q] <= x1 and y0 <= index.y[q] <= y1:
-                index.reached[n], index.chain[n], index.stamp[q], index.place[q] = q, strength, number, n
+            q = akin[k]
+            if stamp[q] == number:
+                if tie > chain[place[q]]:
+                    chain[place[q]] = tie
+                    again = min(again, place[q])
+            elif x0 <= xs[q] <= x1 and y0 <= ys[q] <= y1:
+                reached[n], chain[n], stamp[q], place[q] = q, tie, number, n
                 n += 1
         # A stronger chain to a group already followed is followed again.
         i = min(i + 1, again)
     for i in range(n):
-        j = index.reached[i]
-        if x0 <= index.x[j] <= x1 and y0 <= index.y[j] <= y1:
-            score -= index.chain[i] * index.magnitude[j]
+        j = reached[i]
+        if x0 <= xs[j] <= x1 and y0 <= ys[j] <= y1:
+            score -= chain[i] * magnitude[j]
     score *= factor
     return score if score >= least else 0.0
 
@@ -423,7 +427,7 @@ def make_windows(shape: tuple[int, int], alpha: float, min_area: float, max_aspe
 
 
 @compiled
-def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[Ints, Floats]:
+def _search(windows: Ints, index: _Index, shift: float, finest: int, least: float) -> tuple[Ints, Floats]:
     """Scores windows (n, 4), refines those that score, and returns these (m, 4) with their scores (m,)."""
     h, w = index.row_run.shape
     boxes, scores = np.empty((len(windows), 4), np.int32), np.empty(len(windows), np.float32)
@@ -435,7 +439,7 @@ def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[I
         edges[2], edges[3] = min(x + b_w, w - 1), min(y + b_h, h - 1)
         score = _score(index, edges[0], edges[1], edges[2], edges[3], least)
         if score > 0:
-            score = _refine(index, edges, score, shift, least)
+            score = _refine(index, edges, score, shift, finest, least)
             boxes[m, 0], boxes[m, 1] = edges[0], edges[1]
             boxes[m, 2], boxes[m, 3] = edges[2] - edges[0], edges[3] - edges[1]
             scores[m] = score
@@ -444,15 +448,15 @@ def _search(windows: Ints, index: _Index, shift: float, least: float) -> tuple[I
 
 
 @compiled
-def _refine(index: _Index, edges: NDArray[np.int64], score: float, shift: float, least: float) -> float:
-    """Moves each border, first outwards, else inwards, where that scores more; steps halve down to 2 pixels (3.4).
+def _refine(index: _Index, edges: NDArray[np.int64], score: float, shift: float, finest: int, least: float) -> float:
+    """Moves each border, first outwards, else inwards, where that scores more; steps halve down to `finest` (3.4).
 
     edges: (4,) x0, y0, x1, y1, changed in place. Returns the new score.
     """
     h, w = index.row_run.shape
     step_x, step_y = int((edges[2] - edges[0]) * shift) // 2, int((edges[3] - edges[1]) * shift) // 2
     tried = np.empty(4, np.int64)
-    while step_x > 1 or step_y > 1:
+    while max(step_x, step_y) >= finest:
         for side in (1, 3, 0, 2):
             step = max(1, step_x if side % 2 == 0 else step_y)
             outwards = -step if side < 2 else step

@@ -26,8 +26,8 @@ Gradients = tuple[Floats, Floats]
 class EdgesConfig:
     """How edges are found."""
 
-    scale: float = 0.5
-    """Size of the edge map as a share of the picture's; 1 finds most, .5 costs less than half."""
+    scale: float = 0.75
+    """Size of the edge map as a share of the picture's; 1 finds most, .5 costs half as much."""
     blur: float = 2.0
     """Standard deviation of the smoothing before derivatives, pixels of the picture."""
     color_edge: float = 30.0
@@ -205,14 +205,17 @@ def concave_folds(log_depth: Floats, focal_length: float) -> Floats:
 def surface_normals(log_depth: Floats, focal_length: float, reach: int = 3) -> Floats:
     """Unit normals (h, w, 3) in the camera's axes, towards the camera, of log depth (h, w); focal length in pixels.
 
-    Slopes are taken from the side on which the surface goes on more smoothly, so they do not reach over a step.
+    Slopes are taken over `reach` pixels, from the side on which the surface goes on straighter, so not over a step and
+    not over a fold.
     """
     h, w = log_depth.shape
     smooth = _smooth_surface(log_depth)
     slopes = []
     for axis in (1, 0):
-        before, after = smooth - _shift(smooth, axis, -reach), _shift(smooth, axis, reach) - smooth
-        slopes.append(np.where(np.abs(before) < np.abs(after), before, after) / reach)
+        before, after = (_shift(smooth, axis, by) for by in (-reach, reach))
+        bend_before = np.abs(smooth - 2 * before + _shift(smooth, axis, -2 * reach))
+        bend_after = np.abs(smooth - 2 * after + _shift(smooth, axis, 2 * reach))
+        slopes.append(np.where(bend_before < bend_after, smooth - before, after - smooth) / reach)
     v, u = np.mgrid[:h, :w].astype(np.float32)
     # 1 / z of a plane is affine in the pixel: n ~ (f a, f b, c) for 1/z = a u + b v + c, here divided by 1/z.
     x, y = slopes
