@@ -161,7 +161,7 @@ def test_the_files_are_described(rendered: Path) -> None:
     [
         (["--scenes", "1", "0", "1", "1"], "--scenes 1 0 1 1: expected four counts of at least 1"),
         (["--workers", "0"], "--workers 0: expected at least 1"),
-        (["--seed", "-1"], "--seed -1: expected 0 or more"),
+        (["--seed", "-1"], "--seed -1: expected at least 0"),
         (["--catalogue", "none.yaml"], "catalogue none.yaml is missing"),
     ],
 )

@@ -56,7 +56,7 @@ def add_parallel(parser: argparse.ArgumentParser, option: str, what: str) -> Non
 def check_count(option: str, count: int | None, least: int = 1) -> None:
     """Refuses a count below the least."""
     if count is not None and count < least:
-        raise InputError(f"{option} {count}: expected {least} or more")
+        raise InputError(f"{option} {count}: expected at least {least}")
 
 
 def check_free(out: Path, names: Sequence[str], *, force: bool, what: str = "run") -> None:
