@@ -280,7 +280,8 @@ def see_surface(
 def predicted_box(vertices: Array, X_WO: Array, frame: Frame) -> Box:
     """The box around the pixel centres within the projection of vertices (v, 3) at X_WO (4, 4), cut at the picture.
 
-    Of an object that the border cuts it holds what is seen, but may be larger than that. Empty (0, 0, 0, 0) when the object is out of the picture or reaches behind the camera.
+    Of an object that the border cuts it holds what is seen, but may be larger than that. Empty (0, 0, 0, 0) when the
+    object is out of the picture or reaches behind the camera.
     """
     camera = frame.camera
     p_C = apply(inverse(frame.X_WC) @ X_WO, vertices)
