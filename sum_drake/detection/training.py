@@ -164,7 +164,7 @@ class _Training:
             objectness, sides = proposal_loss(logits[k], maps[k], on_device)
             losses["objectness"] = losses["objectness"] + objectness / len(examples)
             losses["proposals"] = losses["proposals"] + sides / len(examples)
-            own = propose(logits[k].detach(), maps[k].detach(), size, 100).boxes
+            own = propose(logits[k].detach(), maps[k].detach(), size, recipe.boxes // 2).boxes
             drawn.append(
                 draw_boxes(
                     torch.from_numpy(own.copy()).float(), truth, size,
