@@ -22,7 +22,7 @@ class ObjectDetectorConfig:
     weights: str = ""
     """File of its weights; empty is the package's. A relative path starts at the scenario's file."""
     proposer: str = "learned"
-    """What proposes boxes: `learned`, or a name of `detection.proposals.PROPOSERS`."""
+    """What proposes boxes: `learned`, or a name of `detection.proposers.PROPOSERS`."""
     threshold: float | None = None
     """Least p(b | z) p(o | b, z) of a detection's likeliest label; left out: the weights' own."""
 

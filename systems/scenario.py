@@ -16,8 +16,7 @@ from sum_drake.assets import MODELS, InputError, asset, one_line
 from sum_drake.association import AssociationConfig
 from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection import weights
-from sum_drake.detection.inference import LEARNED
-from sum_drake.detection.proposals import PROPOSERS
+from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filtering import FILTERS
 from sum_drake.grasping import GraspConfig

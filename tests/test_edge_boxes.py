@@ -11,7 +11,8 @@ from scenes import X_WC, observe, standing
 from sum_drake.assets import InputError
 from sum_drake.detection import edge_boxes as eb
 from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
-from sum_drake.detection.proposals import PROPOSERS, iou, nms
+from sum_drake.detection.proposals import iou, nms
+from sum_drake.detection.proposers import PROPOSERS
 from sum_drake.objects import load_catalogue
 
 CONFIG = eb.EdgeBoxesConfig()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sum_drake.detection.simulated import SimulatedDetectorConfig, sigma_c_rule, simulate_detections
+from sum_drake.detection.simulated import SimulatedDetectorConfig, simulate_detections
 
 LABELS = ("mug", "sugar", "tide", "toy")
 PERFECT = SimulatedDetectorConfig(
@@ -56,9 +56,3 @@ def test_same_seed_same_errors(label_image):
     config = SimulatedDetectorConfig()
     assert detect(label_image, config, 3) == detect(label_image, config, 3)
     assert detect(label_image, config, 3) != detect(label_image, config, 4)
-
-
-def test_sigma_c_keeps_labels_within_its_ratio_of_the_best():
-    p_labels = [("tide", 0.05), ("mug", 0.8), ("sugar", 0.09)]
-    assert sigma_c_rule(p_labels, 0.1) == (("mug", 0.8), ("sugar", 0.09))
-    assert sigma_c_rule(p_labels, 0.5) == (("mug", 0.8),)

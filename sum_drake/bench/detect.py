@@ -25,8 +25,9 @@ from sum_drake.costs import peak_memory_mib
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import SPLITS, AnnotatedImage, ImageSet, read_settings
 from sum_drake.detection.dataset_job import Plan, render_dataset
-from sum_drake.detection.inference import LEARNED, load_detector
-from sum_drake.detection.proposals import PROPOSERS, Proposer
+from sum_drake.detection.inference import load_detector
+from sum_drake.detection.proposals import Proposer
+from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.weights import DEFAULT
 from sum_drake.files import write_whole
 from sum_drake.objects import Catalogue

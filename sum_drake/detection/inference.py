@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.assets import InputError
-from sum_drake.detection.proposals import PROPOSERS, Proposals, Proposer, iou, make_proposals, nms
-from sum_drake.detection.simulated import sigma_c_rule
+from sum_drake.detection.proposals import Proposals, Proposer, iou, make_proposals, nms
+from sum_drake.detection.proposers import LEARNED, PROPOSERS
+from sum_drake.detection.sigma_c import sigma_c_rule
 from sum_drake.detection.weights import Weights, load_weights
 from sum_drake.types import Array, Detection, Immutable, readonly
 
 if TYPE_CHECKING:
     import torch
 
-LEARNED = "learned"
-"""The network's own proposals, beside those of `proposals.PROPOSERS`."""
 WORKING_SIZE = 640
 """Longer side of the pictures the network was trained on, pixels; others are scaled to it."""
 MAX_PROPOSALS = {LEARNED: 100}
@@ -46,7 +45,7 @@ class Detector:
 
     Args:
         weights: of the network.
-        proposer: "learned" or a name of `proposals.PROPOSERS`.
+        proposer: "learned" or a name of `proposers.PROPOSERS`.
         sigma_c: labels less likely than this share of a box's most likely one are dropped (eq. 5).
         threshold: least p_box * p_label of a detection's most likely label; None: the weights' own.
         device: where the network runs.

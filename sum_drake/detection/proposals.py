@@ -1,10 +1,10 @@
 """Region proposals: boxes that may hold an object, whatever it is. What makes them, and what is done with boxes.
 
-A proposer is a function of a picture and, where there is one, its depth. Those of this package are listed in PROPOSERS.
+A proposer is a function of a picture and, where there is one, its depth. This package's are listed in `proposers.py`.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,30 +72,3 @@ def nms(boxes: ArrayLike, scores: ArrayLike, threshold: float) -> NDArray[np.int
         kept.append(best)
         order = order[iou(boxes[best], boxes[order])[0] <= threshold]
     return np.array(kept, dtype=np.int64)
-
-
-def _edge_boxes() -> Proposer:
-    # numba takes a second to import: only who proposes pays for it.
-    from sum_drake.detection.edge_boxes import EdgeBoxes
-
-    return EdgeBoxes()
-
-
-def _depth_segments() -> Proposer:
-    from sum_drake.detection.depth_segments import DepthSegments
-
-    return DepthSegments()
-
-
-def _edge_boxes_and_segments() -> Proposer:
-    from sum_drake.detection.depth_segments import EdgeBoxesAndSegments
-
-    return EdgeBoxesAndSegments()
-
-
-PROPOSERS: Mapping[str, Callable[[], Proposer]] = {
-    "edge_boxes": _edge_boxes,
-    "depth_segments": _depth_segments,
-    "edge_boxes_and_segments": _edge_boxes_and_segments,
-}
-"""Proposers by name; each entry makes one with its default parameters."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sum_drake.detection.sigma_c import sigma_c_rule
 from sum_drake.types import Box, Detection
 
 MIN_SIDE = 4.0
@@ -28,12 +29,6 @@ class SimulatedDetectorConfig:
     """Mean number of boxes an image that hold no object (Poisson)."""
     min_pixels: int = 150
     """Objects with fewer visible pixels are never seen."""
-
-
-def sigma_c_rule(p_labels: Sequence[tuple[str, float]], sigma_c: float) -> tuple[tuple[str, float], ...]:
-    """Labels whose confidence is at least sigma_c times the box's largest (Sui et al. 2017, eq. 5), likeliest first."""
-    ordered = sorted(p_labels, key=lambda pair: (-pair[1], pair[0]))
-    return tuple((label, p) for label, p in ordered if p >= sigma_c * ordered[0][1])
 
 
 def simulate_detections(
