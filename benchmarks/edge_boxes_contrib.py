@@ -24,8 +24,8 @@ import numpy as np
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet, is_scored
 from sum_drake.detection.edge_boxes import EdgeBoxesConfig, edge_boxes
 from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
-from sum_drake.detection.proposals import iou
 from sum_drake.files import write_whole
+from sum_drake.geometry import iou
 
 RESULT = Path(__file__).parent / "results" / "edge_boxes_contrib.json"
 TOP = (10, 50, 300)

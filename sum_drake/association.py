@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sum_drake.geometry import box_iou
+from sum_drake.geometry import iou
 from sum_drake.types import Array, Association, Detection, Track
 
 
@@ -28,12 +28,13 @@ def matching_scores(tracks: Sequence[Track], detections: Sequence[Detection]) ->
     once for each of its labels, so that rivals for one object are matched, and contest it, side by side.
     """
     pairs = [(d, label) for d, detection in enumerate(detections) for label, _ in detection.p_labels]
+    overlaps = iou([track.box for track in tracks], [detection.box for detection in detections])
     scores = np.zeros((len(tracks), len(pairs)))
     for j, (d, label) in enumerate(pairs):
         confidence = detections[d].p_box * dict(detections[d].p_labels)[label]
         for i, track in enumerate(tracks):
             if track.label == label:
-                scores[i, j] = box_iou(track.box, detections[d].box) * confidence
+                scores[i, j] = overlaps[i, d] * confidence
     return scores, pairs
 
 

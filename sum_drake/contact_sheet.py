@@ -4,17 +4,13 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
     GeometryInstance,
-    InMemoryMesh,
     LightParameter,
     MakeRenderEngineVtk,
-    Mesh,
     PerceptionProperties,
     RenderCameraCore,
     RenderEngineVtkParams,
@@ -25,7 +21,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 
 from sum_drake.geometry import transform
-from sum_drake.objects import Catalogue, ObjectModel, is_shaded
+from sum_drake.objects import Catalogue, ObjectModel
+from sum_drake.visual_mesh import visual_mesh
 
 Image = NDArray[np.uint8]
 
@@ -48,8 +45,7 @@ def render_model(model: ObjectModel, *, azimuth: float = 25.0, elevation: float 
         default_clear_color=[0.96, 0.96, 0.97], default_diffuse=[0.75, 0.76, 0.78, 1.0], lights=lights
     )
     scene_graph.AddRenderer("vtk", MakeRenderEngineVtk(parameters))
-    mesh = Mesh(str(model.mesh)) if is_shaded(model.mesh) else _faceted(model.load_mesh())
-    geometry = GeometryInstance(RigidTransform(), mesh, model.label)
+    geometry = GeometryInstance(RigidTransform(), visual_mesh(model), model.label)
     properties = PerceptionProperties()
     properties.AddProperty("label", "id", RenderLabel(1))
     geometry.set_perception_properties(properties)
@@ -69,14 +65,6 @@ def render_model(model: ObjectModel, *, azimuth: float = 25.0, elevation: float 
         ColorRenderCamera(core, False), scene_graph.world_frame_id(), RigidTransform(transform(R_WC, p_WC))
     )
     return np.array(image.data[..., :3])
-
-
-def _faceted(mesh: trimesh.Trimesh) -> Mesh:
-    """The mesh as an OBJ with a normal for each face. Drake wants normals, and draws nothing of an STL."""
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in mesh.vertices]
-    lines += ["vn {:.6g} {:.6g} {:.6g}".format(*normal) for normal in mesh.face_normals]
-    lines += ["f {1}//{0} {2}//{0} {3}//{0}".format(i, *face) for i, face in enumerate((mesh.faces + 1).tolist(), 1)]
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", "faceted")))
 
 
 def render_contact_sheet(catalogue: Catalogue, labels: Sequence[str] | None = None) -> Image:

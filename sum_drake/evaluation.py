@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sum_drake.geometry import box_iou, pose_error
+from sum_drake.geometry import iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.rendering import predicted_box
 from sum_drake.summary_schema import SCHEMA, TIMING
@@ -162,7 +162,7 @@ def _stands_for_an_object(track: Track, frame: Frame, truth: Truth, catalogue: "
 def _holds(box: Box, label: str, frame: Frame, truth: Truth, catalogue: "Catalogue") -> bool:
     """Whether an object of the label is where the box is, by the overlap alone."""
     return any(
-        box_iou(box, predicted_box(np.asarray(catalogue[label].load_mesh().vertices), X_WO, frame)) >= TRUE_IOU
+        iou(box, predicted_box(np.asarray(catalogue[label].load_mesh().vertices), X_WO, frame))[0, 0] >= TRUE_IOU
         for other, X_WO in truth.X_WOs
         if other == label
     )
@@ -178,7 +178,7 @@ def _is_true(track: Track, X_WO: Array, frame: Frame, catalogue: "Catalogue") ->
     if np.linalg.norm(X_WO[:3, 3] - track.X_WO[:3, 3]) <= TRUE_DISTANCE:
         return True
     box = predicted_box(np.asarray(catalogue[track.label].load_mesh().vertices), X_WO, frame)
-    return box_iou(track.box, box) >= TRUE_IOU
+    return bool(iou(track.box, box)[0, 0] >= TRUE_IOU)
 
 
 def score_attempts(

@@ -3,8 +3,9 @@
 import dataclasses
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sum_drake.types import Array, Box, readonly
+from sum_drake.types import Array, readonly
 
 
 def transform(R: Array, p: Array) -> Array:
@@ -123,10 +124,12 @@ def pose_error(X_WA: Array, X_WB: Array, symmetry: Symmetry) -> tuple[Array, Arr
     return np.asarray(translation), rotation_error(X_WA[..., :3, :3], X_WB[..., :3, :3], symmetry)
 
 
-def box_iou(a: Box, b: Box) -> float:
-    """Intersection over union of two boxes; 0 where both are empty."""
-    w = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    h = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    intersection = max(w, 0.0) * max(h, 0.0)
-    union = a[2] * a[3] + b[2] * b[3] - intersection
-    return intersection / union if union > 0 else 0.0
+def iou(a: ArrayLike, b: ArrayLike) -> Array:
+    """Intersection over union of boxes (n, 4) with boxes (m, 4), each x, y, w, h: (n, m); 0 where both are empty."""
+    a = np.asarray(a, dtype=np.float64).reshape(-1, 1, 4)
+    b = np.asarray(b, dtype=np.float64).reshape(1, -1, 4)
+    low = np.maximum(a[..., :2], b[..., :2])
+    high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
+    intersection = np.prod(np.maximum(high - low, 0.0), axis=-1)
+    union = np.prod(a[..., 2:], axis=-1) + np.prod(b[..., 2:], axis=-1) - intersection
+    return np.asarray(np.divide(intersection, union, out=np.zeros_like(union), where=union > 0))

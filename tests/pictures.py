@@ -1,10 +1,11 @@
-"""Pictures of coloured cards with exact boxes, as `sum-drake dataset` writes its own: a task learned in seconds."""
+"""Pictures of coloured cards with exact boxes, as `sum-drake dataset` writes its own, and what shows in a picture."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from sum_drake.detection.dataset import (
     SCHEMA,
@@ -53,3 +54,8 @@ def write_cards(folder: Path, scenes: Mapping[str, int], seed: int = 0) -> Path:
     }
     write_json(folder / "dataset.json", settings)
     return folder
+
+
+def silhouette(image: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """What of a picture of an object (h, w, 3) is not the colour of its upper left pixel."""
+    return np.asarray(np.abs(image.astype(float) - image[0, 0]).max(2) >= 3)

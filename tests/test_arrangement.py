@@ -3,6 +3,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
 
 from sum_drake.detection import arrangement
 from sum_drake.detection.arrangement import TABLE, Body, Ground, pour, toss
@@ -65,7 +66,7 @@ def test_a_pour_depends_on_its_seed_alone() -> None:
 
 
 def test_a_pour_that_drake_cannot_step_is_tossed(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken(arrangement.Simulator):  # type: ignore[misc, name-defined]
+    class Broken(Simulator):
         def AdvanceTo(self, time: float) -> None:
             raise RuntimeError("the solver did not converge")
 

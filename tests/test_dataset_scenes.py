@@ -29,8 +29,10 @@ from sum_drake.look import station_look
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.rendering import predicted_box
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, back_project, make_camera
+from sum_drake.systems.pouring import PouringConfig
 from sum_drake.systems.station import default_plant_config, make_station
 from sum_drake.types import Array, Camera, Frame, readonly
+from sum_drake.visual_mesh import visual_mesh
 
 CAMERA = make_camera(HeadCameraConfig())
 X_WC = robot.camera_pose(dataset_scenes._home_state())
@@ -50,7 +52,7 @@ def standing(catalogue: Catalogue, label: str, x: float, y: float) -> Array:
 
 
 def scene_of(catalogue: Catalogue, X_WOs: dict[str, Array], *parts: _Part) -> _Scene:
-    objects = tuple((label, dataset_scenes._visual(catalogue[label]), X_WO) for label, X_WO in X_WOs.items())
+    objects = tuple((label, visual_mesh(catalogue[label]), X_WO) for label, X_WO in X_WOs.items())
     return _Scene(False, False, GROUND, objects, (TOP, *parts), station_look())
 
 
@@ -237,3 +239,11 @@ def test_a_catalogue_of_ones_own_needs_neither_obj_nor_simulation_model(tmp_path
     mine = load_catalogue(tmp_path / "mine.yaml")
     found = Counter(o.label for i in range(2) for o in render_scene(mine, "train", 0, i, 1)[0].objects)
     assert found and set(found) <= {"ball", "brick"}
+
+
+@pytest.mark.parametrize("count", [1, 5, 10, 15])
+def test_the_station_of_the_pictures_is_poured_where_a_run_pours(count: int) -> None:
+    config, ground = PouringConfig(), dataset_scenes._station_ground(count)
+    half_y = np.clip(count * config.area_per_object / (4 * config.half_x), config.half_y_min, config.half_y_max)
+    np.testing.assert_allclose(ground.region_center, config.center)
+    np.testing.assert_allclose(ground.region_half, [config.half_x, half_y])

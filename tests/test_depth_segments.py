@@ -8,8 +8,8 @@ from scenes import observe, standing
 
 from sum_drake.assets import InputError
 from sum_drake.detection.depth_segments import DepthSegmentsConfig, depth_segments, on_planes
-from sum_drake.detection.proposals import iou
 from sum_drake.detection.proposers import PROPOSERS
+from sum_drake.geometry import iou
 from sum_drake.objects import load_catalogue
 
 CONFIG = DepthSegmentsConfig()

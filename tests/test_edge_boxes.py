@@ -4,102 +4,27 @@ import math
 
 import numpy as np
 import pytest
+from contours import grouped, scribble
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import X_WC, observe, standing
 
 from sum_drake.assets import InputError
 from sum_drake.detection import edge_boxes as eb
-from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
-from sum_drake.detection.proposals import iou, nms
+from sum_drake.detection.edge_groups import affinities
+from sum_drake.detection.edges import Edges, EdgesConfig
+from sum_drake.detection.proposals import nms
 from sum_drake.detection.proposers import PROPOSERS
+from sum_drake.geometry import iou
 from sum_drake.objects import load_catalogue
 
 CONFIG = eb.EdgeBoxesConfig()
-FULL = EdgesConfig(scale=1.0, blur=1.0)
-
-
-def scribble(seed: int, h: int = 60, w: int = 80) -> Edges:
-    """Edges of a random picture of discs and bars."""
-    rng = np.random.default_rng(seed)
-    color = np.full((h, w, 3), 90, np.uint8)
-    v, u = np.mgrid[:h, :w]
-    for _ in range(4):
-        x, y, r = rng.uniform(5, w - 5), rng.uniform(5, h - 5), rng.uniform(4, 15)
-        inside = np.hypot(u - x, v - y) < r if rng.random() < 0.5 else np.maximum(abs(u - x), 2 * abs(v - y)) < r
-        color[inside] = rng.integers(0, 256, 3)
-    return find_edges(color, None, FULL)
-
-
-def grouped(edges: Edges) -> eb.Groups:
-    ids = eb.group_edges(edges.magnitude, edges.orientation, 0.1, 0.5, 0.5)
-    return eb.describe_groups(ids, edges.magnitude, edges.orientation)
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.integers(0, 10**6))
-def test_groups_are_connected_edge_pixels_of_enough_weight(seed):
-    edges = scribble(seed)
-    groups = grouped(edges)
-    count = len(groups.magnitude) - 1
-    assert set(np.unique(groups.ids)) <= set(range(count + 1))
-    assert np.all(edges.magnitude[groups.ids > 0] > 0.1)
-    for i in range(1, count + 1):
-        v, u = np.nonzero(groups.ids == i)
-        m = edges.magnitude[v, u]
-        assert groups.magnitude[i] == pytest.approx(m.sum(), rel=1e-5)
-        assert groups.magnitude[i] > 0.5
-        assert (groups.x[i], groups.y[i]) == pytest.approx((np.average(u, weights=m), np.average(v, weights=m)))
-        # 8-connected: everything is reached from the first pixel.
-        left, front = set(zip(u.tolist(), v.tolist(), strict=True)), [(int(u[0]), int(v[0]))]
-        left.discard(front[0])
-        while front:
-            x, y = front.pop()
-            near = {(x + i, y + j) for i in (-1, 0, 1) for j in (-1, 0, 1)} & left
-            left -= near
-            front += near
-        assert not left
-
-
-def test_a_straight_contour_is_one_group_and_a_corner_parts_two():
-    color = np.full((60, 80, 3), 90, np.uint8)
-    color[20:40, 20:60] = 220
-    groups = grouped(find_edges(color, None, FULL))
-    top, left = groups.ids[19:21, 30:50].max(0), groups.ids[25:35, 19:21].max(1)
-    assert len(set(top)) == 1 and top[0] > 0
-    assert len(set(left)) == 1 and left[0] > 0
-    assert top[0] != left[0]
-
-
-def test_affinity_is_that_of_equation_1():
-    edges = scribble(3)
-    groups = grouped(edges)
-    ties = eb.affinities(groups, 2.0)
-    n = len(groups.magnitude)
-    found = {}
-    for i in range(1, n):
-        for k in range(ties.start[i], ties.start[i + 1]):
-            found[i, int(ties.group[k])] = float(ties.value[k])
-    expected = {}
-    for i in range(1, n):
-        for j in range(1, n):
-            a, b = np.argwhere(groups.ids == i), np.argwhere(groups.ids == j)
-            if i != j and np.abs(a[:, None] - b[None]).max(-1).min() <= 2:
-                along = math.atan2(groups.y[j] - groups.y[i], groups.x[j] - groups.x[i])
-                # The paper's angles are those along the contour: a quarter turn from the gradient's.
-                o_i, o_j = groups.orientation[i] + np.pi / 2, groups.orientation[j] + np.pi / 2
-                tie = abs(math.cos(o_i - along) * math.cos(o_j - along)) ** 2
-                if tie >= 0.05:
-                    expected[i, j] = tie
-    assert len(expected) > 4
-    assert found.keys() == expected.keys()
-    assert found == pytest.approx(expected, abs=1e-5)
 
 
 def score_by_definition(edges: Edges, box: tuple[int, int, int, int], kappa: float) -> float:
     """Eq. 2 to 4 without any of the shortcuts: all groups, all paths."""
     groups = grouped(edges)
-    ties = eb.affinities(groups, 2.0)
+    ties = affinities(groups, 2.0)
     n = len(groups.magnitude)
     chain = np.eye(n)
     for i in range(n):
@@ -134,7 +59,7 @@ def test_score_is_that_of_equations_2_to_4(seed, data):
     h, w = edges.magnitude.shape
     groups = grouped(edges)
     index = eb._index(
-        np.where(edges.magnitude > 0.1, edges.magnitude, 0), groups, eb.affinities(groups, CONFIG.gamma), CONFIG.kappa
+        np.where(edges.magnitude > 0.1, edges.magnitude, 0), groups, affinities(groups, CONFIG.gamma), CONFIG.kappa
     )
     for _ in range(5):
         x0, y0 = data.draw(st.integers(0, w - 12)), data.draw(st.integers(0, h - 12))
@@ -208,13 +133,3 @@ def test_the_same_picture_gives_the_same_boxes(table):
 def test_settings_out_of_range_are_refused(values):
     with pytest.raises(InputError, match="edge boxes: "):
         eb.EdgeBoxesConfig(**values)
-
-
-def test_compiled_code_is_not_kept_where_nothing_can_be_written(monkeypatch):
-    def refuse(function=None, **options):
-        if options.get("cache"):
-            return lambda f: (_ for _ in ()).throw(RuntimeError("cannot cache function: no locator available"))
-        return function
-
-    monkeypatch.setattr(eb.numba, "njit", refuse)
-    assert eb.compiled(len) is len

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from sum_drake.geometry import (
     SYMMETRIES,
     apply,
-    box_iou,
     inverse,
+    iou,
     pose_error,
     rotation_angle,
     rotation_error,
@@ -83,13 +83,24 @@ def test_unknown_symmetry_is_a_key_error():
         symmetry_group("threefold")
 
 
-@given(boxes, boxes)
-def test_iou_is_symmetric_and_in_range(a, b):
-    assert box_iou(a, b) == pytest.approx(box_iou(b, a))
-    assert 0.0 <= box_iou(a, b) <= 1.0 + 1e-12
-    assert box_iou(a, a) == pytest.approx(1.0)
+def iou_of_two(a, b):
+    """One pair at a time: what `iou` does for all at once."""
+    w = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    h = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    intersection = max(w, 0.0) * max(h, 0.0)
+    return intersection / (a[2] * a[3] + b[2] * b[3] - intersection)
 
 
-def test_iou_of_disjoint_and_empty_boxes_is_zero():
-    assert box_iou((0, 0, 10, 10), (20, 0, 10, 10)) == 0.0
-    assert box_iou((0, 0, 0, 0), (0, 0, 0, 0)) == 0.0
+@given(st.lists(boxes, max_size=8), st.lists(boxes, max_size=8))
+def test_iou_is_that_of_pairs(a, b):
+    expected = np.array([[iou_of_two(p, q) for q in b] for p in a]).reshape(len(a), len(b))
+    np.testing.assert_allclose(iou(a, b), expected, atol=1e-9)
+    np.testing.assert_allclose(iou(a, b), iou(b, a).T, atol=1e-9)
+    np.testing.assert_allclose(np.diag(iou(a, a)), 1.0)
+
+
+def test_iou_of_whole_pixels_of_disjoint_and_of_empty_boxes():
+    assert iou([[0, 0, 10, 10]], [[5, 0, 10, 10]])[0, 0] == 50 / 150
+    assert iou((0, 0, 10, 10), (20, 0, 10, 10))[0, 0] == 0
+    assert iou([[0, 0, 10, 10]], [[10, 0, 10, 10]])[0, 0] == 0
+    assert iou([[3, 3, 0, 0]], [[3, 3, 0, 0]])[0, 0] == 0

@@ -10,8 +10,8 @@ from sum_drake.assets import InputError
 from sum_drake.detection.calibration import Calibration
 from sum_drake.detection.inference import ANY_LABEL_IOU, SAME_LABEL_IOU, Detector
 from sum_drake.detection.network import Network
-from sum_drake.detection.proposals import iou
 from sum_drake.detection.weights import Weights
+from sum_drake.geometry import iou
 
 LABELS = ("tide", "mug", "toy")
 

@@ -4,65 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scored import FAR, LABELS, NEAR_A, A, B, C, K, image, many, probabilities, shuffled
 
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import AnnotatedImage, AnnotatedObject
-from sum_drake.detection.metrics import FALSE, LEFT_OUT, ScoredImage
+from sum_drake.detection.metrics import FALSE, LEFT_OUT
 from sum_drake.types import Camera
-
-LABELS = ("mug", "toy", "tide")
-K = len(LABELS)
-
-
-def probabilities(label, p):
-    """A row that gives class `label` the probability p, and leaves the rest to background."""
-    row = np.zeros(1 + K)
-    row[0], row[label] = 1 - p, p
-    return row
-
-
-def image(objects=(), boxes=(), name="test/0/0"):
-    """Of objects (box, class[, scored[, share]]) and boxes (box, class, score); true boxes are recognised."""
-    objects = [(*one, *(True, 1.0)[len(one) - 2 :]) for one in objects]
-    return ScoredImage(
-        name=name,
-        boxes=np.reshape([box for box, _, _ in boxes], (-1, 4)).astype(float),
-        probabilities=np.reshape([probabilities(label, p) for _, label, p in boxes], (-1, 1 + K)),
-        true_boxes=np.reshape([one[0] for one in objects], (-1, 4)).astype(float),
-        true_classes=np.array([one[1] for one in objects], np.int64),
-        scored=np.array([one[2] for one in objects], bool),
-        visible_shares=np.array([one[3] for one in objects], float),
-        true_probabilities=np.reshape([probabilities(one[1], 0.9) for one in objects], (-1, 1 + K)),
-    )
-
-
-A, B, C = (0, 0, 10, 10), (100, 0, 10, 10), (200, 0, 10, 10)
-NEAR_A = (0, 0, 10, 6)
-"""Overlaps A by .6."""
-FAR = (300, 300, 10, 10)
-
-
-def scenes_of(seed):
-    """A few scenes as (objects, boxes): objects apart from each other, boxes that are theirs, nearly, or nobody's."""
-    rng = np.random.default_rng(seed)
-
-    def box(place):
-        return (60 * int(place), 0, *(int(side) for side in rng.integers(4, 40, 2)))
-
-    scenes = []
-    for _ in range(rng.integers(1, 5)):
-        places = rng.permutation(12)[: rng.integers(0, 6)]
-        objects = [(box(place), int(rng.integers(1, 1 + K)), bool(rng.random() < 0.7)) for place in places]
-        boxes = []
-        for _ in range(rng.integers(0, 12)):
-            at = objects[rng.integers(len(objects))] if objects and rng.random() < 0.6 else (box(rng.integers(12)), 0)
-            label = at[1] if at[1] and rng.random() < 0.7 else int(rng.integers(1, 1 + K))
-            boxes.append((at[0], label, float(rng.choice([0.1, 0.3, 0.5, 0.9, 1.0]))))
-        scenes.append((objects, boxes))
-    return scenes
-
-
-many = st.integers(0, 2**32 - 1).map(scenes_of)
 
 
 def assert_same(one, other):
@@ -109,19 +56,13 @@ def test_perfect_detections_score_1(drawn):
 @given(many, st.randoms(use_true_random=False))
 @settings(max_examples=60)
 def test_no_order_matters(drawn, random):
-    def shuffled(items):
-        return random.sample(list(items), len(items))
-
     ordered = [image(*one) for one in drawn]
-    mixed = [image(shuffled(objects), shuffled(boxes)) for objects, boxes in shuffled(drawn)]
+    mixed = shuffled(drawn, random)
     for threshold in (0.5, 0.75):
         one, other = (metrics.average_precisions(scenes, K, [threshold]) for scenes in (ordered, mixed))
         np.testing.assert_array_equal(one, other)
     assert_same(metrics.best_operating_point(ordered), metrics.best_operating_point(mixed))
     np.testing.assert_array_equal(metrics.confusion_matrix(ordered, 0.3), metrics.confusion_matrix(mixed, 0.3))
-    one, other = metrics.box_reliability(ordered), metrics.box_reliability(mixed)
-    np.testing.assert_allclose(one.observed, other.observed)
-    assert one.error == pytest.approx(other.error, nan_ok=True)
 
 
 @given(many)
@@ -194,7 +135,6 @@ def test_objects_left_out_are_neither_missed_nor_found_nor_make_their_boxes_fals
         assert metrics.operating_point([scene], 0.1) == metrics.OperatingPoint(0.1, 1.0, 1.0, 0.0)
         assert np.isnan(metrics.average_precisions([scene], K)[1, 0])
         assert metrics.confusion_matrix([scene], 0.1).sum() == 1
-        np.testing.assert_array_equal(metrics.box_reliability([scene]).counts, [1])
     mistaken = image([(A, 1), hidden], [(A, 1, 0.9), (B, 3, 0.8)])
     assert metrics.operating_point([mistaken], 0.1).false_positives_per_image == 1.0
 
@@ -237,48 +177,6 @@ def test_the_confusion_matrix_names_what_was_taken_for_what():
     expected = np.zeros((1 + K, 1 + K), int)
     expected[1, 2] = expected[2, 2] = expected[0, 1] = expected[3, 0] = 1
     np.testing.assert_array_equal(counts, expected)
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(200, 400))
-@settings(max_examples=20)
-def test_what_comes_true_as_often_as_stated_has_hardly_any_calibration_error(seed, n):
-    rng = np.random.default_rng(seed)
-    p = np.repeat(np.arange(0.05, 1.0, 0.1), n)  # ten values, n times each, so that each is a bin
-    outcome = np.concatenate([rng.permutation(n) < round(value * n) for value in p[::n]])
-    assert metrics.reliability(p, outcome).error <= 0.5 / n + 1e-9
-    assert metrics.reliability(np.minimum(p + 0.1, 1.0), outcome).error >= 0.08
-
-
-@given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=60), st.randoms(use_true_random=False))
-def test_calibration_bins_have_equal_mass_and_no_order(pairs, random):
-    p, so = (np.array(column, float) for column in zip(*pairs, strict=True))
-    found = metrics.reliability(p, so)
-    assert found.counts.sum() == len(p)
-    assert np.ptp(found.counts) <= 1
-    assert np.all(np.diff(found.stated) >= 0)
-    assert np.average(found.observed, weights=found.counts) == pytest.approx(so.mean())
-    assert np.average(found.stated, weights=found.counts) == pytest.approx(p.mean())
-    mixed = random.sample(range(len(p)), len(p))
-    np.testing.assert_allclose(metrics.reliability(p[mixed], so[mixed]).observed, found.observed, atol=1e-12)
-
-
-def test_calibration_of_nothing_is_unknown():
-    assert np.isnan(metrics.reliability([], []).error)
-
-
-def test_both_probabilities_are_held_against_what_is_the_case():
-    scene = image([(A, 1), (B, 2)], [(A, 1, 0.8), (B, 3, 0.6), (FAR, 2, 0.1)])
-    boxes = metrics.box_reliability([scene])
-    np.testing.assert_allclose(boxes.stated, [0.1, 0.6, 0.8])
-    np.testing.assert_allclose(boxes.observed, [0, 0, 1])
-    assert boxes.error == pytest.approx((0.1 + 0.6 + 0.2) / 3)
-    assert metrics.box_reliability([scene], least=0.5).error == pytest.approx((0.6 + 0.2) / 2)
-    taken_for = scene.true_probabilities.copy()
-    taken_for[1] = [0.1, 0.6, 0.3, 0.0]
-    mistaken = dataclasses.replace(scene, true_probabilities=taken_for)
-    labels = metrics.label_reliability([mistaken])
-    np.testing.assert_allclose(labels.stated, [0.6 / 0.9, 1.0])
-    np.testing.assert_allclose(labels.observed, [0, 1])
 
 
 def test_top1_holds_background_against_the_detector():

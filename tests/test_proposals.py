@@ -5,26 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sum_drake.detection.proposals import Proposals, iou, make_proposals, nms
-from sum_drake.geometry import box_iou
+from sum_drake.detection.proposals import Proposals, make_proposals, nms
+from sum_drake.geometry import iou
 
 boxes = st.lists(
     st.tuples(*[st.floats(-50, 50)] * 2, *[st.floats(0, 60)] * 2).map(lambda b: tuple(float(v) for v in b)), max_size=12
 )
-
-
-@given(boxes, boxes)
-def test_iou_is_that_of_pairs(a, b):
-    expected = np.array([[box_iou(p, q) for q in b] for p in a]).reshape(len(a), len(b))
-    # Where a union is as small as a rounding error, so is all meaning of the ratio.
-    area = np.array([[p[2] * p[3] + q[2] * q[3] for q in b] for p in a]).reshape(len(a), len(b))
-    np.testing.assert_allclose(np.where(area > 1e-9, iou(a, b), 0), np.where(area > 1e-9, expected, 0), atol=1e-9)
-
-
-def test_iou_of_whole_pixels():
-    assert iou([[0, 0, 10, 10]], [[5, 0, 10, 10]])[0, 0] == 50 / 150
-    assert iou([[0, 0, 10, 10]], [[10, 0, 10, 10]])[0, 0] == 0
-    assert iou([[3, 3, 0, 0]], [[3, 3, 0, 0]])[0, 0] == 0
 
 
 @given(boxes, st.floats(0, 1), st.randoms(use_true_random=False))

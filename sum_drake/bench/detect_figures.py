@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sum_drake.detection import metrics
 from sum_drake.detection.metrics import FALSE, ScoredImage
+from sum_drake.detection.reliability import box_reliability, label_reliability
 from sum_drake.types import Array, Immutable
 
 TEST, SHIFT = "test", "shift"
@@ -70,11 +71,9 @@ def figures(measured: Sequence[Measured], threshold: float) -> dict[str, float]:
         found[f"false_positives_per_image{ending}"] = point.false_positives_per_image
         found[f"recall_at_1_false_positive{ending}"] = metrics.best_operating_point(images[split]).recall
         found[f"top1_on_true_boxes{ending}"] = metrics.top1(images[split])
-        found[f"calibration_error{ending}"] = metrics.box_reliability(images[split]).error
-        found[f"calibration_error_of_detections{ending}"] = metrics.box_reliability(
-            images[split], least=threshold
-        ).error
-        found[f"calibration_error_of_labels{ending}"] = metrics.label_reliability(images[split]).error
+        found[f"calibration_error{ending}"] = box_reliability(images[split]).error
+        found[f"calibration_error_of_detections{ending}"] = box_reliability(images[split], least=threshold).error
+        found[f"calibration_error_of_labels{ending}"] = label_reliability(images[split]).error
     for name, proposed in by_proposer(measured).items():
         overlaps = np.concatenate([one.overlaps for one in proposed])
         for percent in (50, 70):

@@ -23,6 +23,7 @@ from sum_drake.detection import metrics
 from sum_drake.detection.dataset import ImageSet
 from sum_drake.detection.metrics import ScoredImage
 from sum_drake.detection.overlay import Color, MarkedBox, draw_boxes
+from sum_drake.detection.reliability import box_reliability, label_reliability
 from sum_drake.plots import Series, line_plot, matrix_plot
 from sum_drake.types import Array
 
@@ -109,8 +110,8 @@ def _plots(
         size=size,
     )
     as_stated = Series("", share, share, dashed=True)
-    boxes = {split: metrics.box_reliability(images[split]) for split in (TEST, SHIFT)}
-    truths = {split: metrics.label_reliability(images[split]) for split in (TEST, SHIFT)}
+    boxes = {split: box_reliability(images[split]) for split in (TEST, SHIFT)}
+    truths = {split: label_reliability(images[split]) for split in (TEST, SHIFT)}
     for title, found in (("Boxes: does it hold an object of its label?", boxes), ("Labels on true boxes", truths)):
         yield line_plot(
             [as_stated, *(Series(split, one.stated, one.observed, dots=True) for split, one in found.items())],

@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     Box,
     ClippingRange,
@@ -37,7 +36,6 @@ from pydrake.geometry import (
     DepthRange,
     DepthRenderCamera,
     GeometryInstance,
-    InMemoryMesh,
     MakeRenderEngineVtk,
     Mesh,
     PerceptionProperties,
@@ -76,6 +74,7 @@ from sum_drake.parsing import make_parser
 from sum_drake.rendering import DepthRenderer
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, add_depth_noise
 from sum_drake.types import Array, Camera
+from sum_drake.visual_mesh import visual_mesh
 
 WIDTH, HEIGHT = 640, 480
 SENSOR = HeadCameraConfig()
@@ -147,7 +146,7 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
     X_WOs = dict(zip(order.tolist(), found, strict=True))
 
     objects = tuple(
-        (label, _visual(catalogue[label]), X_WO) for i, label in enumerate(labels) if (X_WO := X_WOs[i]) is not None
+        (label, visual_mesh(catalogue[label]), X_WO) for i, label in enumerate(labels) if (X_WO := X_WOs[i]) is not None
     )
     parts = [
         _Part(drake_mesh(shape, texture), RigidTransform(X_WO))
@@ -167,19 +166,6 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
 def _body(model: ObjectModel) -> Body:
     mass = model.mass if model.mass is not None else 400.0 * float(np.prod(model.dimensions))
     return Body(mass, tuple(np.asarray(piece.vertices) for piece in model.load_collision()))
-
-
-@functools.lru_cache(maxsize=64)
-def _visual(model: ObjectModel) -> Mesh:
-    """The object's mesh as RenderEngineVtk can draw it: as it is, or without its texture where it cannot be read."""
-    suffix = model.mesh.suffix.lower()
-    if suffix == ".gltf" or (suffix == ".obj" and "\nvn " in model.mesh.read_text(errors="replace")):
-        return Mesh(str(model.mesh))
-    mesh = model.load_mesh()
-    lines = ["v {:.7g} {:.7g} {:.7g}".format(*v) for v in mesh.vertices.tolist()]
-    lines += ["vn {:.5f} {:.5f} {:.5f}".format(*n) for n in mesh.vertex_normals.tolist()]
-    lines += ["f {0}//{0} {1}//{1} {2}//{2}".format(*f) for f in (np.asarray(mesh.faces) + 1).tolist()]
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile("\n".join(lines) + "\n", ".obj", model.label)))
 
 
 def _station_ground(count: int) -> Ground:

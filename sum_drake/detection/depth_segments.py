@@ -21,7 +21,8 @@ from sum_drake.detection.edges import (
     fill_missing,
     smaller_log_depth,
 )
-from sum_drake.detection.proposals import Proposals, iou, make_proposals, nms
+from sum_drake.detection.proposals import Proposals, make_proposals, nms
+from sum_drake.geometry import iou
 from sum_drake.types import Array, Immutable
 
 Floats = NDArray[np.float32]

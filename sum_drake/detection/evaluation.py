@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from sum_drake.detection import calibration, metrics
 from sum_drake.detection.dataset import AnnotatedImage, is_scored
 from sum_drake.detection.inference import Detector
-from sum_drake.detection.proposals import iou
 from sum_drake.detection.weights import Weights
+from sum_drake.geometry import iou
 from sum_drake.types import Array
 
 

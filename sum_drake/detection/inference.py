@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.assets import InputError
-from sum_drake.detection.proposals import Proposals, Proposer, iou, make_proposals, nms
+from sum_drake.detection.proposals import Proposals, Proposer, make_proposals, nms
 from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.sigma_c import sigma_c_rule
 from sum_drake.detection.weights import Weights, load_weights
+from sum_drake.geometry import iou
 from sum_drake.types import Array, Detection, Immutable, readonly
 
 if TYPE_CHECKING:

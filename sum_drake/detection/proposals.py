@@ -1,4 +1,4 @@
-"""Region proposals: boxes that may hold an object, whatever it is. What makes them, and what is done with boxes.
+"""Region proposals: boxes that may hold an object, whatever it is. What makes them, and their suppression.
 
 A proposer is a function of a picture and, where there is one, its depth. This package's are listed in `proposers.py`.
 """
@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sum_drake.geometry import iou
 from sum_drake.types import Array, Immutable, readonly
 
 
@@ -45,17 +46,6 @@ def make_proposals(boxes: ArrayLike, scores: ArrayLike) -> Proposals:
     boxes, scores = np.asarray(boxes, dtype=np.float64).reshape(-1, 4), np.asarray(scores, dtype=np.float64)
     order = np.argsort(-scores, kind="stable")
     return Proposals(readonly(boxes[order]), readonly(scores[order]))
-
-
-def iou(a: ArrayLike, b: ArrayLike) -> Array:
-    """Intersection over union of boxes (n, 4) with boxes (m, 4), each x, y, w, h: (n, m); 0 where both are empty."""
-    a = np.asarray(a, dtype=np.float64).reshape(-1, 1, 4)
-    b = np.asarray(b, dtype=np.float64).reshape(1, -1, 4)
-    low = np.maximum(a[..., :2], b[..., :2])
-    high = np.minimum(a[..., :2] + a[..., 2:], b[..., :2] + b[..., 2:])
-    intersection = np.prod(np.maximum(high - low, 0.0), axis=-1)
-    union = np.prod(a[..., 2:], axis=-1) + np.prod(b[..., 2:], axis=-1) - intersection
-    return np.asarray(np.divide(intersection, union, out=np.zeros_like(union), where=union > 0))
 
 
 def nms(boxes: ArrayLike, scores: ArrayLike, threshold: float) -> NDArray[np.int64]:

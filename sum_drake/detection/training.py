@@ -95,21 +95,21 @@ def train(
     if training.step == 0:
         log.write(0, figures(evaluate(Detector(training.weights()), followed)))
     began, first, saved = time.monotonic(), training.step, time.monotonic()
-    sums: dict[str, float] = {}
+    recent: list[dict[str, float]] = []
     while training.step < training.steps:
         epoch, at = divmod(training.step, per_epoch)
         order = np.random.default_rng([recipe.seed, 0, epoch]).permutation(len(pictures))
         rngs = [np.random.default_rng([recipe.seed, 1, training.step, k]) for k in range(recipe.batch)]
         chosen = order[at * recipe.batch : (at + 1) * recipe.batch]
         examples = [_example(pictures[int(i)], labels, rng) for i, rng in zip(chosen, rngs, strict=True)]
-        losses = training.update(examples, rngs)
-        sums = {name: sums.get(name, 0.0) + loss / REPORT_EVERY for name, loss in losses.items()}
+        recent.append(training.update(examples, rngs))
         if training.step % REPORT_EVERY == 0:
-            log.write(training.step, sums)
+            means = {name: float(np.mean([losses[name] for losses in recent])) for name in LOSS_WEIGHTS}
+            log.write(training.step, means)
             left = (time.monotonic() - began) / (training.step - first) * (training.steps - training.step)
-            shown = ", ".join(f"{name} {loss:.3f}" for name, loss in sums.items())
+            shown = ", ".join(f"{name} {loss:.3f}" for name, loss in means.items())
             report(f"step {training.step} of {training.steps}: {shown}; {left / 60:.0f} min left")
-            sums = {}
+            recent = []
         if at + 1 == per_epoch:
             found = figures(evaluate(Detector(training.weights()), followed))
             log.write(training.step, found)
@@ -131,7 +131,7 @@ class _Training:
         self._network = Network(len(labels) + 1)
         if recipe.start == "imagenet":
             self._network.backbone.load_state_dict(imagenet_state(_imagenet_weights()))
-        self._network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs
+        self._network.to(device)
         frozen = [self._network.backbone.stem, *self._network.backbone.blocks[: recipe.frozen_blocks]]
         for module in frozen:
             module.requires_grad_(False)
@@ -179,7 +179,7 @@ class _Training:
         )
         total = sum((LOSS_WEIGHTS[name] * loss for name, loss in losses.items()), logits.new_zeros(()))
         self._optimizer.zero_grad()
-        total.backward()  # type: ignore[no-untyped-call]  # torch's stubs
+        torch.autograd.backward(total)
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 10.0)
         self._optimizer.step()
         self.step += 1

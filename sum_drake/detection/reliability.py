@@ -1,0 +1,74 @@
+"""How far a detector's probabilities can be trusted: what it states against how often it is so."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sum_drake.detection.metrics import TRUE_IOU, ScoredImage, likeliest
+from sum_drake.geometry import iou
+from sum_drake.types import Array, Immutable
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reliability(Immutable):
+    """Stated probabilities against observed frequencies, in bins of equal mass."""
+
+    stated: Array
+    """(bins,): mean probability, ascending."""
+    observed: Array
+    """(bins,): share that was the case."""
+    counts: NDArray[np.int64]
+    """(bins,)."""
+
+    @property
+    def error(self) -> float:
+        """Expected calibration error: mean of |stated - observed| over all that was stated; nan of nothing."""
+        if not self.counts.sum():
+            return float("nan")
+        return float(np.average(np.abs(self.stated - self.observed), weights=self.counts))
+
+
+def reliability(stated: ArrayLike, was_so: ArrayLike, bins: int = 10) -> Reliability:
+    """Of probabilities (n,) and whether each came true (n,), in `bins` bins of equal mass (fewer where n is less).
+
+    Equal probabilities share their outcomes evenly, so that it does not matter which of them fall into which bin.
+    """
+    p, outcome = np.asarray(stated, dtype=float), np.asarray(was_so, dtype=float)
+    values, group = np.unique(p, return_inverse=True)
+    mean = np.bincount(group, outcome, len(values)) / np.maximum(np.bincount(group, minlength=len(values)), 1)
+    order = np.argsort(p)
+    parts = [part for part in np.array_split(order, bins) if len(part)]
+    return Reliability(
+        stated=np.array([p[part].mean() for part in parts]),
+        observed=np.array([mean[group[part]].mean() for part in parts]),
+        counts=np.array([len(part) for part in parts], dtype=np.int64),
+    )
+
+
+def box_reliability(images: Sequence[ScoredImage], bins: int = 10, *, least: float = 0.0) -> Reliability:
+    """Of p(b | z) p(o | b, z) of each box's likeliest label: does it hold an object of that label, IoU >= .5?
+
+    Boxes on objects that are left out do not count, nor those below `least`; of two boxes on one object each is right.
+    """
+    stated, was_so = [np.zeros(0)], [np.zeros(0, bool)]
+    for image in images:
+        classes, p = likeliest(image.probabilities)
+        near = (iou(image.boxes, image.true_boxes) >= TRUE_IOU) & (classes[:, None] == image.true_classes)
+        right = np.any(near & image.scored, axis=1)
+        counted = (right | ~np.any(near & ~image.scored, axis=1)) & (p >= least)
+        stated.append(p[counted])
+        was_so.append(right[counted])
+    return reliability(np.concatenate(stated), np.concatenate(was_so), bins)
+
+
+def label_reliability(images: Sequence[ScoredImage], bins: int = 10) -> Reliability:
+    """Of p(o | b, z) of the likeliest label on the true boxes of the scored objects: is it the object's?"""
+    stated, was_so = [np.zeros(0)], [np.zeros(0, bool)]
+    for image in images:
+        p = image.true_probabilities[image.scored]
+        classes, of_label = likeliest(p)
+        stated.append(of_label / np.maximum(p[:, 1:].sum(1), 1e-12))
+        was_so.append(classes == image.true_classes[image.scored])
+    return reliability(np.concatenate(stated), np.concatenate(was_so), bins)
