@@ -65,6 +65,23 @@ def test_pooling_a_linear_map_gives_the_values_at_the_centres_of_the_cells(x, y,
     np.testing.assert_allclose(pooled, expected, atol=1e-9)
 
 
+def test_pooling_is_roi_align():
+    """Torch samples point by point; border and channels are as there."""
+    generator = torch.Generator().manual_seed(0)
+    features = torch.randn(1, 5, 12, 18, generator=generator, dtype=torch.float64)
+    boxes = torch.rand(40, 4, generator=generator, dtype=torch.float64) * torch.tensor([150.0, 100.0, 80.0, 80.0])
+    boxes = boxes - torch.tensor([20.0, 20.0, 0.0, 0.0])
+    steps = (torch.arange(14, dtype=torch.float64) + 0.5) / 14
+    x, y = boxes[:, :1] + boxes[:, 2:3] * steps, boxes[:, 1:2] + boxes[:, 3:] * steps
+    grid = torch.stack(torch.broadcast_tensors(x[:, None, :], y[:, :, None]), -1) / STRIDE
+    grid = grid / torch.tensor([18.0, 12.0]) * 2 - 1
+    sampled = torch.nn.functional.grid_sample(
+        features.expand(40, -1, -1, -1), grid, padding_mode="border", align_corners=False
+    )
+    expected = torch.nn.functional.avg_pool2d(sampled, 2)
+    assert torch.allclose(pool(features, boxes), expected, atol=1e-12)
+
+
 def test_pooling_no_box_gives_nothing():
     assert pool(torch.zeros(1, 5, 4, 4), torch.zeros(0, 4)).shape == (0, 5, 7, 7)
 
