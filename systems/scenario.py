@@ -76,7 +76,7 @@ class Scenario:
     """What is poured."""
     pouring: PouringConfig = dataclasses.field(default_factory=PouringConfig)
     """How it is poured."""
-    detector: str = "SimulatedDetector"
+    detector: str = "ObjectDetector"
     """Which detector looks at the pictures: ObjectDetector, or SimulatedDetector, which reads the label image."""
     object_detector: ObjectDetectorConfig = dataclasses.field(default_factory=ObjectDetectorConfig)
     """Weights and threshold of ObjectDetector."""

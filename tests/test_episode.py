@@ -15,9 +15,7 @@ def catalogue():
 
 
 def test_a_run_that_is_cut_off_says_so_and_counts_what_was_under_way(catalogue):
-    text = (
-        "{objects: {labels: [soup_can]}, simulation_duration: 3.0, simulated_detector: {miss_rate: 0, false_boxes: 0}}"
-    )
+    text = "{objects: {labels: [soup_can]}, simulation_duration: 3.0}"
     scenario = load_scenario(text=text, seed=4, catalogue=catalogue)
     told = []
     episode = run(scenario, catalogue, progress=lambda what, sim_time, share: told.append(what))

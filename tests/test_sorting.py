@@ -50,9 +50,7 @@ def catalogue():
 
 @pytest.fixture(scope="module")
 def scenario(catalogue):
-    """With a detector that neither errs nor hesitates."""
-    text = "{sigma_c: 0.9, simulated_detector: {miss_rate: 0, wrong_label_rate: 0, false_boxes: 0}}"
-    return load_scenario(text=text, seed=3, objects=2, catalogue=catalogue)
+    return load_scenario(seed=3, objects=2, catalogue=catalogue)
 
 
 @pytest.fixture(scope="module")
@@ -151,32 +149,30 @@ def test_truth_reaches_the_referee_and_nobody_else(diagram, X_WOs):
     assert diagram.num_output_ports() == 0
 
 
-def test_the_trained_detector_is_given_the_frame_and_nothing_else(catalogue, X_WOs, tmp_path):
-    weights = write_untrained(tmp_path / "detector.safetensors", catalogue.labels)
-    text = f"{{detector: ObjectDetector, object_detector: {{weights: {weights}}}}}"
-    diagram = make_sorting(load_scenario(text=text, catalogue=catalogue), X_WOs, catalogue)
+def test_the_detector_is_given_the_frame_and_nobody_the_simulators_labels(diagram):
     detector, station = diagram.GetSubsystemByName("object_detector"), diagram.GetSubsystemByName("station")
     assert isinstance(detector, ObjectDetector)
     assert [(source.get_name(), port) for source, port in sources(diagram, detector)] == [("frame_assembler", "frame")]
-    assert leaks(diagram, X_WOs) == []
     read = {
         origin(station, port)
         for system in diagram.GetSystems()
         for source, port in sources(diagram, system)
         if source.get_name() == "station"
     }
-    assert LABEL_IMAGE not in read, "nobody reads the simulator's labels"
-    simulator = Simulator(diagram)
-    simulator.Initialize()
-    found = detector.GetOutputPort("detections").Eval(detector.GetMyContextFromRoot(simulator.get_context()))
-    assert len(found.boxes) > 0, "an untrained network sees things"
-    assert {label for box in found.boxes for label, _ in box.p_labels} <= set(catalogue.labels)
+    assert LABEL_IMAGE not in read
+
+
+def test_the_simulated_detector_reads_labels_and_no_other_truth(catalogue, X_WOs):
+    diagram = make_sorting(load_scenario(text="{detector: SimulatedDetector}", catalogue=catalogue), X_WOs, catalogue)
+    assert leaks(diagram, X_WOs) == []
+    detector, station = diagram.GetSubsystemByName("object_detector"), diagram.GetSubsystemByName("station")
+    assert LABEL_IMAGE in {origin(station, p) for s, p in sources(diagram, detector) if s.get_name() == "station"}
 
 
 def test_weights_that_cannot_be_used_are_named_before_anything_runs(catalogue, X_WOs, tmp_path):
     other = write_untrained(tmp_path / "other.safetensors", ("mug", "unicorn"))
     for file, words in ((tmp_path / "none", "no such file"), (other, "knows no 'tide'")):
-        text = f"{{detector: ObjectDetector, object_detector: {{weights: {file}}}}}"
+        text = f"{{object_detector: {{weights: {file}}}}}"
         scenario = load_scenario(text=text, catalogue=catalogue)
         with pytest.raises(InputError, match=words):
             make_sorting(scenario, X_WOs, catalogue)
@@ -258,8 +254,7 @@ def test_pouring_is_a_function_of_the_seed(scenario, catalogue):
 
 
 def test_a_short_run_ends_by_itself_and_its_record_holds_together(catalogue):
-    text = "{objects: {labels: [sugar]}, simulated_detector: {miss_rate: 0, wrong_label_rate: 0, false_boxes: 0}}"
-    scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
+    scenario = load_scenario(text="{objects: {labels: [sugar]}}", seed=5, catalogue=catalogue)
     episode = run(scenario, catalogue)
     assert episode.outcome == "cleared"
     # Detections and associations of another observation than the frame's would have been refused: see
