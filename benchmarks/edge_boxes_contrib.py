@@ -87,9 +87,9 @@ def compare(images: Sequence[AnnotatedImage], scale: float, depth: bool, python:
     # It refines down to 3 pixels: to see whether the two agree, so does ours.
     alike = [edge_boxes(e, dataclasses.replace(config, finest_step=3)).boxes for e in edges]
     for top in TOP:
-        # Theirs found among ours, not ours among theirs: what is asked is whether anything of theirs is lost.
+        # Theirs among all of ours: what is asked is whether anything of theirs is lost.
         best = np.concatenate([iou(b[:top], a).max(1, initial=0) for a, b in zip(alike, inside, strict=True)])
-        row |= {f"top_{top}_matched_{overlap}": round(float(np.mean(best >= overlap)), 4) for overlap in OVERLAPS}
+        row |= {f"contrib_top_{top}_found_{overlap}": round(float(np.mean(best >= overlap)), 4) for overlap in OVERLAPS}
     as_returned = [boxes / scale for boxes in theirs]
     for name, boxes, seconds in (("ours", ours, our_seconds), ("contrib", as_returned, their_seconds)):
         truths = [[o.box for o in image.objects if is_scored(o)] for image in images]

@@ -26,7 +26,7 @@ from sum_drake.systems.station import set_home
 def hypotheses(seed: int, catalogue: Catalogue) -> list[dict[str, float]]:
     """Every track after the first look at one scene: what the belief says of it, and whether it is right."""
     rng = np.random.default_rng(seed)
-    text = "{simulated_detector: {wrong_label_rate: 0.25, false_boxes: 1.5}}"
+    text = "{detector: SimulatedDetector, simulated_detector: {wrong_label_rate: 0.25, false_boxes: 1.5}}"
     scenario = load_scenario(text=text, seed=seed, objects=int(rng.integers(4, 9)), catalogue=catalogue)
     X_WOs = pour_scene(scenario, catalogue)
     diagram = make_sorting(scenario, X_WOs, catalogue)

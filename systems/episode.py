@@ -14,7 +14,7 @@ from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.referee import TruthSample
 from sum_drake.systems.scenario import Scenario
-from sum_drake.systems.sorting import make_sorting, pour_scene
+from sum_drake.systems.sorting import check_detector, make_sorting, pour_scene
 from sum_drake.systems.station import set_home
 from sum_drake.types import Attempt, Perception
 
@@ -55,6 +55,7 @@ def run(
     it.
     """
     start, costs = time.perf_counter(), Costs()
+    check_detector(scenario, catalogue)
     progress("pouring", 0.0, 0.0)
     with costs.of("pouring"):
         X_WOs = pour_scene(scenario, catalogue)

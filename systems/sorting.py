@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.costs import Costs
+from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.filtering import PoseEstimator, filter_config
 from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
@@ -57,6 +58,8 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
     estimator = PoseEstimator(catalogue, config)
     seed = derive(scenario.random_seed, "estimation")
     table = scenario.region("table")
+    # Not the scenario itself: it says what was poured, and from which seed.
+    association, acceptance, unique_labels = scenario.association, scenario.acceptance, scenario.unique_labels
 
     def sunk(label: str, X_WO: Array) -> float:
         """How far an object over the table reaches below its top."""
@@ -76,9 +79,9 @@ def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> U
                 action,
                 estimator,
                 filter_config=config,
-                association_config=scenario.association,
-                acceptance=scenario.acceptance,
-                unique_labels=scenario.unique_labels,
+                association_config=association,
+                acceptance=acceptance,
+                unique_labels=unique_labels,
                 seed=seed,
                 sunk=sunk,
             )
@@ -111,19 +114,26 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
     return decide, retreat
 
 
-def bind_detector(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> Detect:
-    """The trained detector of the catalogue's labels. Raises InputError for weights that cannot be used."""
-    # Loads torch, which who simulates the detections does without.
-    from sum_drake.detection.inference import load_detector
+def check_detector(scenario: Scenario, catalogue: Catalogue) -> None:
+    """Raises InputError where `make_sorting` would for the detector's sake: what takes no time comes first."""
+    if scenario.detector == "ObjectDetector":
+        _load_detector(scenario, catalogue)
 
+
+def _load_detector(scenario: Scenario, catalogue: Catalogue) -> Detector:
     config = scenario.object_detector
-    detector = load_detector(
+    return load_detector(
         Path(config.weights) if config.weights else None,
         labels=catalogue.labels,
         proposer=config.proposer,
         sigma_c=scenario.sigma_c,
         threshold=config.threshold,
     )
+
+
+def bind_detector(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> Detect:
+    """The trained detector of the catalogue's labels. Raises InputError for weights that cannot be used."""
+    detector = _load_detector(scenario, catalogue)
 
     def detect(color: NDArray[np.uint8], depth: NDArray[np.float32]) -> tuple[Detection, ...]:
         with costs.of("perception"):

@@ -7,11 +7,13 @@ import cv2
 import numpy as np
 import pytest
 from detectors import write_untrained
+from pictures import write_cards
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import main
 from sum_drake.commands.common import Counting
 from sum_drake.commands.sort import RUN_FILES
+from sum_drake.detection.weights import load_weights
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
@@ -254,7 +256,8 @@ def test_detections_in_a_picture_are_written_drawn_and_told(capsys, tmp_path, we
     out = tmp_path / "found"
     cv2.imwrite(str(tmp_path / "depth.png"), np.full((200, 300), 900, np.uint16))
     depth = str(tmp_path / "depth.png")
-    assert main(["detect", str(photo), "--depth", depth, "--weights", str(weights), "--out", str(out)]) == 0
+    with_edges = ("--proposer", "edge_boxes", "--depth", depth)
+    assert main(["detect", str(photo), *with_edges, "--weights", str(weights), "--out", str(out)]) == 0
     told = capsys.readouterr().out.splitlines()
     found = json.loads((out / "detections.json").read_text())
     assert len(found) == len(told) - 2 > 0, "one line each, between a head and the picture's name"
@@ -276,7 +279,25 @@ def test_what_cannot_be_detected_in_or_with_is_refused_and_leaves_nothing(capsys
     assert "w.safetensors: is no picture" in refused(capsys, "detect", str(weights), *out)
     assert "safetensors" in refused(capsys, "detect", str(photo), "--weights", str(photo), *out)
     assert "nowhere.png" in refused(capsys, "detect", "nowhere.png", *out)
+    assert "proposer 'luck'" in refused(capsys, "detect", str(photo), "--proposer", "luck", *out)
     assert not (tmp_path / "found").exists()
+
+
+def test_a_training_is_followed_drawn_and_told(capsys, tmp_path):
+    cards = write_cards(tmp_path / "cards", {"train": 8, "validation": 2})
+    train = ("train", "--out", str(tmp_path / "out"), "--start", "random")
+    assert main([*train, "--data", str(cards), "--epochs", "1", "--threads", "1"]) == 0
+    out, err = capsys.readouterr()
+    assert out.strip() == str(tmp_path / "out" / "detector.safetensors")
+    told = err.splitlines()
+    assert told[0].startswith("before the first step, on validation: map50 0.0")
+    assert told[1].startswith("epoch 1 of 1, on validation: map50 ")
+    card = (tmp_path / "out" / "detector.md").read_text()
+    assert "trained on 8 pictures, 16 crops of objects" in card
+    assert load_weights(tmp_path / "out" / "detector.safetensors").labels == ("red", "green")
+    assert "another recipe" in refused(capsys, *train, "--data", str(cards), "--epochs", "2")
+    assert "labels of its own" in refused(capsys, *train, "--data", str(cards), "--catalogue", "own.yaml")
+    assert "--data is missing" in refused(capsys, "train", "--out", str(tmp_path / "out"))
 
 
 def test_a_bench_of_nothing_is_refused(capsys, tmp_path, weights):

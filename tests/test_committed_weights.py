@@ -9,19 +9,10 @@ import numpy as np
 import pytest
 
 from sum_drake.detection import metrics
-from sum_drake.detection.dataset import AnnotatedImage
-from sum_drake.detection.dataset_scenes import (
-    _Renderer,
-    _Scene,
-    _station_ground,
-    _station_parts,
-    _take,
-    render_scene,
-)
+from sum_drake.detection.dataset_scenes import render_empty_station, render_scene
 from sum_drake.detection.evaluation import evaluate
 from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.detection.weights import DEFAULT
-from sum_drake.look import station_look
 from sum_drake.objects import load_catalogue
 
 CATALOGUE = load_catalogue()
@@ -34,12 +25,6 @@ def detector() -> Detector:
     return load_detector(labels=CATALOGUE.labels)
 
 
-def empty_station(view: int) -> AnnotatedImage:
-    """The station with nothing on its table."""
-    scene = _Scene(True, True, _station_ground(1), (), _station_parts(), station_look())
-    return _take(scene, _Renderer(scene), CATALOGUE, np.random.default_rng([7, view])).decode(f"empty/0/{view}")
-
-
 @pytest.mark.parametrize("split", ["test", "shift"])
 def test_most_objects_are_found_and_little_else(detector: Detector, split: str) -> None:
     images = evaluate(detector, [render_scene(CATALOGUE, split, 0, i, 1)[0] for i in SCENES])
@@ -50,8 +35,7 @@ def test_most_objects_are_found_and_little_else(detector: Detector, split: str) 
 
 
 def test_an_empty_table_gives_no_detections(detector: Detector) -> None:
-    for view in range(3):
-        image = empty_station(view)
+    for image in render_empty_station(CATALOGUE, 7, 3):
         assert image.objects == ()
         assert detector(image.color, image.depth) == ()
 

@@ -7,7 +7,7 @@ import pytest
 from contours import grouped, scribble
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import X_WC, observe, standing
+from scenes import observe, standing
 
 from sum_drake.assets import InputError
 from sum_drake.detection import edge_boxes as eb
@@ -103,7 +103,6 @@ def test_the_best_box_of_a_disc_is_the_discs():
 def table():
     catalogue = load_catalogue()
     places = {"mug": (0.5, -0.2), "tea": (0.52, 0.0), "soup_can": (0.6, 0.12), "mustard": (0.68, -0.08)}
-    assert X_WC.shape == (4, 4)
     return observe(catalogue, {label: standing(catalogue, label, *place) for label, place in places.items()})
 
 

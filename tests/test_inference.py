@@ -120,3 +120,22 @@ def test_threshold_of_the_weights_unless_told():
     weights = dataclasses.replace(untrained(), threshold=0.7)
     assert Detector(weights).threshold == 0.7
     assert Detector(weights, threshold=0.2).threshold == 0.2
+
+
+def test_labels_that_are_not_asked_for_are_background(detector):
+    """Of a catalogue of two, a box that shows anything else shows nothing."""
+    two = Detector(untrained(), labels=(LABELS[2], LABELS[0]))
+    boxes = np.array([[10.0, 10.0, 60.0, 60.0], [200.0, 100.0, 90.0, 50.0]])
+    all_labels, chosen = detector.classify(picture(), boxes), two.classify(picture(), boxes)
+    np.testing.assert_allclose(chosen[:, 1:], all_labels[:, [3, 1]])
+    np.testing.assert_allclose(chosen.sum(1), 1)
+    assert {label for one in two(picture()) for label, _ in one.p_labels} <= set(two.labels)
+
+
+@pytest.mark.parametrize("size", [(160, 4096), (4096, 160), (33, 640)])
+def test_boxes_of_a_long_picture_are_in_its_own_pixels(detector, size):
+    color = np.random.default_rng(0).integers(0, 256, (*size, 3)).astype(np.uint8)
+    boxes = detector.detect(color).boxes
+    assert np.all(boxes[:, 2:] >= 4)
+    assert np.all(boxes[:, :2] >= 0)
+    assert np.all(boxes[:, :2] + boxes[:, 2:] <= [size[1], size[0]])

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scored import FAR, A, B, image, many, shuffled
 
-from sum_drake.detection.reliability import box_reliability, label_reliability, reliability
+from sum_drake.detection.reliability import box_reliability, label_reliability, object_reliability, reliability
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(200, 400))
@@ -43,6 +43,9 @@ def test_both_probabilities_are_held_against_what_is_the_case():
     np.testing.assert_allclose(boxes.observed, [0, 0, 1])
     assert boxes.error == pytest.approx((0.1 + 0.6 + 0.2) / 3)
     assert box_reliability([scene], least=0.5).error == pytest.approx((0.6 + 0.2) / 2)
+    objects = object_reliability([scene])
+    np.testing.assert_allclose(objects.stated, [0.1, 0.6, 0.8])
+    np.testing.assert_allclose(objects.observed, [0, 1, 1], err_msg="an object is one whatever it is called")
     taken_for = scene.true_probabilities.copy()
     taken_for[1] = [0.1, 0.6, 0.3, 0.0]
     mistaken = dataclasses.replace(scene, true_probabilities=taken_for)

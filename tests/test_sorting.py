@@ -20,10 +20,11 @@ from sum_drake.assets import InputError
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.summary_schema import validate_summary
+from sum_drake.systems import sorting
 from sum_drake.systems.episode import run
 from sum_drake.systems.object_detector import ObjectDetector
 from sum_drake.systems.ports import unpack
-from sum_drake.systems.scenario import load_scenario
+from sum_drake.systems.scenario import DETECTORS, ObjectsConfig, Scenario, load_scenario
 from sum_drake.systems.sorting import make_sorting, pour_scene
 from sum_drake.systems.station import make_station, set_home
 from sum_drake.systems.verdict import score
@@ -108,7 +109,8 @@ def leaks(diagram: Diagram, X_WOs: Mapping[str, Array]) -> list[str]:
 def truth_held_by(system: System, station: Diagram, X_WOs: Mapping[str, Array]) -> list[str]:
     """What a Python system holds of the truth, through closures, containers and objects.
 
-    That is the station, a part of it, the mapping of the poured poses, or one of these, be it a copy.
+    That is the station, a part of it, the mapping of the poured poses, or one of these, be it a copy; and the scenario,
+    whose objects and seed say what was poured and how.
     """
     parts = [station, *station.GetSystems()]
     truth = {id(part): part.get_name() for part in parts} | {id(X_WOs): "the poured poses"}
@@ -123,6 +125,8 @@ def truth_held_by(system: System, station: Diagram, X_WOs: Mapping[str, Array]) 
         if id(value) in truth or any(value is part for part in parts):
             found.append(truth.get(id(value), "the station"))
             continue
+        if isinstance(value, Scenario | ObjectsConfig):
+            found.append("the scenario")
         if isinstance(value, np.ndarray):
             found += [f"the poured pose of {label}" for label, X_WO in X_WOs.items() if np.array_equal(value, X_WO)]
         if isinstance(value, types.FunctionType):
@@ -134,6 +138,10 @@ def truth_held_by(system: System, station: Diagram, X_WOs: Mapping[str, Array]) 
         else:
             waiting += [v for v in gc.get_referents(value) if not isinstance(v, types.FrameType)]
     return found
+
+
+def test_a_scenario_names_the_detectors_that_there_are():
+    assert set(DETECTORS) == set(sorting.DETECTORS)
 
 
 def test_every_part_of_sum_is_a_named_system(diagram):
@@ -187,7 +195,7 @@ class Spy(LeafSystem):
         self.DeclareAbstractInputPort("port", Value[list[RigidTransform]]())
 
 
-@pytest.mark.parametrize("way", ["wire", "plant", "poses", "copy of a pose"])
+@pytest.mark.parametrize("way", ["wire", "plant", "poses", "copy of a pose", "objects"])
 def test_a_planted_leak_is_found(scenario, X_WOs, way):
     builder = DiagramBuilder()
     station = builder.AddNamedSystem(
@@ -199,7 +207,7 @@ def test_a_planted_leak_is_found(scenario, X_WOs, way):
     )  # fmt: skip
     held = {
         "wire": None, "plant": station.GetSubsystemByName("plant"), "poses": X_WOs,
-        "copy of a pose": [{"sugar": X_WOs["sugar"].copy()}],
+        "copy of a pose": [{"sugar": X_WOs["sugar"].copy()}], "objects": {"scenario": scenario},
     }  # fmt: skip
     spy = builder.AddNamedSystem("spy", Spy(held[way]))
     if way == "wire":
@@ -207,6 +215,7 @@ def test_a_planted_leak_is_found(scenario, X_WOs, way):
     (leak,) = leaks(builder.Build(), X_WOs)
     assert "spy" in leak
     told = {"wire": "truth.body_poses", "plant": "plant", "poses": "poured poses", "copy of a pose": "pose of sugar"}
+    told["objects"] = "the scenario"
     assert told[way] in leak
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sum_drake.detection import metrics
 from sum_drake.detection.metrics import FALSE, ScoredImage
-from sum_drake.detection.reliability import box_reliability, label_reliability
+from sum_drake.detection.reliability import box_reliability, label_reliability, object_reliability
 from sum_drake.types import Array, Immutable
 
 TEST, SHIFT = "test", "shift"
@@ -23,7 +23,11 @@ AIMS: Mapping[str, tuple[str, float]] = {
     "top1_on_true_boxes": ("at least", 0.95),
     "edge_boxes_recall50_300": ("at least", 0.90),
     "edge_boxes_recall70_300": ("at least", 0.75),
+    "edge_boxes_full_recall50_300": ("at least", 0.90),
+    "edge_boxes_full_recall70_300": ("at least", 0.80),
     "calibration_error": ("at most", 0.05),
+    "calibration_error_of_detections": ("at most", 0.05),
+    "calibration_error_of_p_box": ("at most", 0.05),
     "cpu_s_per_image": ("at most", 1.2),
     "peak_memory_mib": ("at most", 1024.0),
 }
@@ -73,6 +77,7 @@ def figures(measured: Sequence[Measured], threshold: float) -> dict[str, float]:
         found[f"top1_on_true_boxes{ending}"] = metrics.top1(images[split])
         found[f"calibration_error{ending}"] = box_reliability(images[split]).error
         found[f"calibration_error_of_detections{ending}"] = box_reliability(images[split], least=threshold).error
+        found[f"calibration_error_of_p_box{ending}"] = object_reliability(images[split]).error
         found[f"calibration_error_of_labels{ending}"] = label_reliability(images[split]).error
     for name, proposed in by_proposer(measured).items():
         overlaps = np.concatenate([one.overlaps for one in proposed])
@@ -104,6 +109,7 @@ def rows(measured: Sequence[Measured], labels: Sequence[str], threshold: float) 
                     "ap50_95": ap.mean(),
                     "recall": hits / objects if objects else float("nan"),
                     "precision": hits / (hits + false) if hits + false else float("nan"),
+                    "false_positives_per_image": false / max(len(images), 1),
                 }
             )
         for low, high, objects, recall in metrics.recall_by_visible_share(images, threshold):

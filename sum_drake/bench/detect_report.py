@@ -159,14 +159,15 @@ def _overlaps(proposed: Sequence[Proposed]) -> Array:
 
 def _label_table(table: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> str:
     of = {(row["split"], row["label"]): row for row in table if row["table"] == "label"}
+    shares = ("ap50", "ap50_95", "recall", "precision", "false_positives_per_image")
     lines = []
     for label in labels:
         cells = [page.text(label)]
         for split in (TEST, SHIFT):
             row = of[split, label]
-            cells += [str(row["objects"]), *(_share(row[key]) for key in ("ap50", "ap50_95", "recall", "precision"))]
+            cells += [str(row["objects"]), *(_share(row[key]) for key in shares)]
         lines.append(cells)
-    heads = ("objects", "AP .5", "AP .5:.95", "recall", "precision")
+    heads = ("objects", "AP .5", "AP .5:.95", "recall", "precision", "false an image")
     return page.table(("label", *(f"{split} {head}" for split in (TEST, SHIFT) for head in heads)), lines)
 
 

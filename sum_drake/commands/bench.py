@@ -11,6 +11,7 @@ from sum_drake.commands.common import (
     add_group,
     add_parallel,
     add_quiet,
+    check_count,
     check_device,
     check_free,
 )
@@ -43,6 +44,8 @@ def _bench_detect(options: argparse.Namespace) -> None:
 
     check_free(options.out, FILES, force=options.force, what="bench")
     check_device(options.device)
+    check_count("--seed", options.seed, least=0)
+    check_count("--workers", options.workers)
     catalogue = load_catalogue(options.catalogue)
     if options.data is None:
         require_rendering()

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,8 @@ from sum_drake.files import write_whole
 
 if TYPE_CHECKING:
     from sum_drake.detection.dataset_job import Plan
+    from sum_drake.detection.metrics import ScoredImage
+    from sum_drake.detection.weights import Weights
 
 
 def add(commands: Commands) -> None:
@@ -47,7 +50,7 @@ def add(commands: Commands) -> None:
         "--out", type=Path, metavar="DIR", default=Path("out/train"), help="where to (default: out/train)"
     )
     train.add_argument("--seed", type=int, metavar="S", default=0, help="seed of the training (default: 0)")
-    train.add_argument("--epochs", type=int, metavar="N", help="times that every picture is seen")
+    train.add_argument("--epochs", type=int, metavar="N", help="times that every picture is seen (default: 6)")
     train.add_argument(
         "--start", choices=("imagenet", "random"), default="imagenet", help="what the backbone begins as"
     )
@@ -64,6 +67,9 @@ def add(commands: Commands) -> None:
     detect.add_argument("--depth", type=Path, metavar="FILE", help="its depth, PNG of 16 bits; 0 where it is missing")
     detect.add_argument(
         "--depth-scale", type=float, metavar="M", default=0.001, help="metres a unit of the depth (default: 0.001)"
+    )
+    detect.add_argument(
+        "--proposer", metavar="NAME", default="learned", help="what proposes boxes; edge_boxes and others use the depth"
     )
     detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
     detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/detected/PICTURE)")
@@ -103,12 +109,13 @@ def _train(options: argparse.Namespace) -> None:
 
     import torch
 
-    from sum_drake.detection.dataset import ImageSet
+    from sum_drake.detection.dataset import ImageSet, is_scored
     from sum_drake.detection.dataset_job import QUICK
     from sum_drake.detection.evaluation import evaluate
     from sum_drake.detection.inference import Detector
     from sum_drake.detection.training import Recipe, read_log, train
-    from sum_drake.detection.training_report import write_results
+    from sum_drake.detection.training_report import write_plots, write_results
+    from sum_drake.detection.weights import rounded
     from sum_drake.doctor import versions
 
     check_device(options.device)
@@ -118,8 +125,14 @@ def _train(options: argparse.Namespace) -> None:
     data = options.data
     if data is None and not options.quick:
         raise InputError("--data is missing; expected the folder of a data set (sum-drake dataset), or --quick")
+    if data is not None and options.catalogue is not None:
+        raise InputError(f"--catalogue {options.catalogue}: --data {data} has labels of its own; expected one of both")
     torch.set_num_threads(options.threads)
-    recipe = Recipe(seed=options.seed, start=options.start, **({"epochs": options.epochs} if options.epochs else {}))
+    recipe = Recipe(seed=options.seed, start=options.start)
+    if options.quick:
+        recipe = dataclasses.replace(recipe, warm_up=40, averaging=0.98)
+    if options.epochs is not None:
+        recipe = dataclasses.replace(recipe, epochs=options.epochs)
 
     def say(line: str) -> None:
         if not options.quiet:
@@ -129,16 +142,28 @@ def _train(options: argparse.Namespace) -> None:
         data = options.out / "data"
         plan = dataclasses.replace(QUICK, seed=options.seed)
         _render_dataset(options.catalogue, data, plan, workers=options.threads, quiet=options.quiet)
-        recipe = dataclasses.replace(recipe, epochs=options.epochs or 6, warm_up=40, averaging=0.98)
-    weights = train(data, options.out, recipe, device=options.device, report=say)
-    images = evaluate(Detector(weights), ImageSet(data, "validation"))
+
+    def log() -> list[dict[str, float]]:
+        return read_log(options.out / "log.jsonl")
+
+    def draw(weights: "Weights", images: "Sequence[ScoredImage]") -> None:
+        write_plots(options.out, log(), images, weights)
+
+    weights = train(data, options.out, recipe, device=options.device, report=say, on_epoch=draw)
+    pictures = ImageSet(data, "train")
     file = write_results(
         options.out,
         weights,
-        images=images,
-        log=read_log(options.out / "log.jsonl"),
+        # What is written is rounded to 16 bits: that is what is looked at.
+        images=evaluate(Detector(rounded(weights)), ImageSet(data, "validation")),
+        log=log(),
         recipe=dataclasses.asdict(recipe),
-        data=ImageSet(data, "train").settings,
+        data=pictures.settings,
+        used={
+            "pictures": len(pictures),
+            "crops of objects": sum(is_scored(o) for i in range(len(pictures)) for o in pictures.objects(i)),
+            "other crops an epoch at least": round(len(pictures) * recipe.boxes * (1 - recipe.object_share)),
+        },
         date=datetime.date.today().isoformat(),
         versions=versions(),
     )
@@ -158,7 +183,7 @@ def _detect(options: argparse.Namespace) -> None:
     check_free(out, names, force=options.force, what="detection")
     color = read_picture(options.picture)
     depth = read_depth(options.depth, color.shape[:2], scale=options.depth_scale) if options.depth is not None else None
-    detector = load_detector(options.weights)
+    detector = load_detector(options.weights, proposer=options.proposer)
     detections = detector(color, depth)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / names[0], detection_rows(detections))

@@ -28,6 +28,7 @@ SPLITS = ("train", "validation", "test", "shift")
 DEPTH_SCALE = 1e-4
 """Metres a unit of the depth files."""
 MIN_PIXELS, MIN_SHARE = 150, 0.25
+"""An object with fewer pixels, or less of it visible, is not asked for: see `is_scored`."""
 _END = b"\xff\xd9"
 """Of a JPEG."""
 

@@ -12,7 +12,17 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.detection.dataset import SCHEMA, SPLITS, ImageSet, is_scored, read_settings, scene_folder, write_scene
+from sum_drake.detection.dataset import (
+    MIN_PIXELS,
+    MIN_SHARE,
+    SCHEMA,
+    SPLITS,
+    ImageSet,
+    is_scored,
+    read_settings,
+    scene_folder,
+    write_scene,
+)
 from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
 
@@ -86,8 +96,8 @@ def describe(out: Path) -> str:
     for label in labels:
         lines.append("".join([f"{label:{width}s}", *(f"{counts[split][label]:12d}" for split in images)]))
     lines.append("".join([f"{'objects':{width}s}", *(f"{counts[split].total():12d}" for split in images)]))
-    lines.append("objects: those of at least 150 pixels of which a quarter or more shows; background crops are drawn")
-    lines.append("from the same pictures in training, where proposals overlap none of them")
+    lines.append(f"objects: those of at least {MIN_PIXELS} pixels of which {MIN_SHARE:.0%} or more shows; background")
+    lines.append("crops are drawn from the same pictures in training, where proposals overlap none of them")
     return "\n".join(lines)
 
 

@@ -17,8 +17,8 @@ textures    `textures.TRAIN`                           `textures.SHIFT`
 shapes      `distractors.TRAIN`                        `distractors.SHIFT`
 ==========  =========================================  ===================================================
 
-Common to all are a weak light at the camera and the objects themselves. An environment map would be one more shading;
-in software its preparation takes minutes a scene.
+Common to all are a weak light at the camera, plain colours and the objects themselves. An environment map would be one
+more shading; in software its preparation takes minutes a scene.
 """
 
 import dataclasses
@@ -100,6 +100,14 @@ def render_encoded(catalogue: Catalogue, split: str, seed: int, index: int, view
     scene = _draw_scene(catalogue, np.random.default_rng([*entropy, 0]), shift=split == "shift")
     renderer = _Renderer(scene)
     return [_take(scene, renderer, catalogue, np.random.default_rng([*entropy, 1 + view])) for view in range(views)]
+
+
+def render_empty_station(catalogue: Catalogue, seed: int, views: int) -> list[AnnotatedImage]:
+    """Pictures of the station in its own light with nothing on its table."""
+    scene = _Scene(True, True, _station_ground(1), (), _station_parts(), station_look())
+    renderer = _Renderer(scene)
+    taken = [_take(scene, renderer, catalogue, np.random.default_rng([seed, view])) for view in range(views)]
+    return [image.decode(f"empty/{view}") for view, image in enumerate(taken)]
 
 
 # --- what is in a scene ----------------------------------------------------------------------------------------------

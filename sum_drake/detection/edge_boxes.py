@@ -52,7 +52,7 @@ class EdgeBoxesConfig:
     max_boxes: int = 1000
     """The most boxes returned."""
     min_box_area: float = 1000.0
-    """Area of the smallest windows, pixels of the edge map."""
+    """Area of the smallest windows, pixels of the picture."""
     max_aspect_ratio: float = 3.0
     """Of the windows, either way."""
     edge_min_magnitude: float = 0.1

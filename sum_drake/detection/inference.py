@@ -27,6 +27,8 @@ SAME_LABEL_IOU, ANY_LABEL_IOU = 0.45, 0.75
 """Two boxes that overlap by more show one object: if they agree on its label; whatever they say."""
 LEAST_SCORE = 0.01
 """Boxes below are not worth keeping for any threshold."""
+LEAST_SIDE = 4.0
+"""Pixels; nor are boxes that are slimmer, within the picture."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,9 +38,9 @@ class Scored(Immutable):
     boxes: Array
     """(n, 4), x, y, w, h."""
     probabilities: Array
-    """(n, classes), calibrated: column 0 is that it holds no object, i + 1 that it holds labels[i]."""
+    """(n, 1 + labels), calibrated: column 0 is that it holds none of the objects, i + 1 that it holds labels[i]."""
     logits: Array
-    """(n, classes): what they were made of."""
+    """(n, classes of the network): what they were made of."""
 
 
 class Detector:
@@ -46,6 +48,7 @@ class Detector:
 
     Args:
         weights: of the network.
+        labels: what is looked for, of those that the weights know; None: all. What they know besides is background.
         proposer: "learned" or a name of `proposers.PROPOSERS`.
         sigma_c: labels less likely than this share of a box's most likely one are dropped (eq. 5).
         threshold: least p_box * p_label of a detection's most likely label; None: the weights' own.
@@ -56,6 +59,7 @@ class Detector:
         self,
         weights: Weights,
         *,
+        labels: Sequence[str] | None = None,
         proposer: str = LEARNED,
         sigma_c: float = 0.1,
         threshold: float | None = None,
@@ -64,7 +68,8 @@ class Detector:
         if proposer != LEARNED and proposer not in PROPOSERS:
             names = ", ".join([LEARNED, *PROPOSERS])
             raise InputError(f"proposer '{proposer}' is unknown: expected one of {names}")
-        self.labels = weights.labels
+        self.labels = weights.labels if labels is None else tuple(labels)
+        self._columns = [1 + weights.labels.index(label) for label in self.labels]
         self.threshold = weights.threshold if threshold is None else threshold
         self._sigma_c, self._device = sigma_c, device
         self._calibration = weights.calibration
@@ -100,7 +105,7 @@ class Detector:
         with torch.inference_mode():
             scale, features = self._features(color)
             _, logits = self._head(features, np.reshape(boxes, (-1, 4)) * scale)
-        return self._calibration.probabilities(logits)
+        return self._probabilities(logits)
 
     def examine(
         self, color: NDArray[np.uint8], depth: NDArray[np.float32] | None, boxes: Array
@@ -119,7 +124,7 @@ class Detector:
             corrected, logits = self._head(features, proposed)
             _, given = self._head(features, np.reshape(boxes, (-1, 4)) * scale)
         found = self._suppress(_clip(corrected / scale, width, height), logits)
-        return found, self._calibration.probabilities(given)
+        return found, self._probabilities(given)
 
     def proposals(self, color: NDArray[np.uint8], count: int) -> Proposals:
         """The network's own proposals."""
@@ -154,11 +159,16 @@ class Detector:
         corrected = decode_boxes(on_device, corrections)
         return corrected.cpu().numpy().astype(np.float64), logits.cpu().numpy().astype(np.float64)
 
+    def _probabilities(self, logits: Array) -> Array:
+        """Calibrated probabilities (n, 1 + labels) of logits (n, classes)."""
+        chosen = self._calibration.probabilities(logits)[:, self._columns]
+        return np.concatenate([1 - chosen.sum(axis=1, keepdims=True), chosen], axis=1)
+
     def _suppress(self, boxes: Array, logits: Array) -> Scored:
-        probabilities = self._calibration.probabilities(logits)
+        probabilities = self._probabilities(logits)
         best = probabilities[:, 1:].max(axis=1)
         order = np.argsort(-best, kind="stable")
-        order = order[best[order] >= LEAST_SCORE]
+        order = order[(best[order] >= LEAST_SCORE) & (boxes[order, 2:] >= LEAST_SIDE).all(axis=1)]
         labels = probabilities[:, 1:].argmax(axis=1)
         agree = labels[order][:, None] == labels[order][None]
         same = iou(boxes[order], boxes[order]) > np.where(agree, SAME_LABEL_IOU, ANY_LABEL_IOU)
@@ -174,7 +184,7 @@ def propose(logits: "torch.Tensor", boxes: "torch.Tensor", size: tuple[float, fl
     """The `count` best of a network's proposals, logits (h, w) and boxes (h, w, 4), in a picture of `size` (h, w)."""
     values, index = logits.flatten().sigmoid().topk(min(8 * count, logits.numel()))
     found = _clip(boxes.reshape(-1, 4)[index].cpu().numpy().astype(np.float64), size[1], size[0])
-    usable = (found[:, 2:] >= 4).all(axis=1)
+    usable = (found[:, 2:] >= LEAST_SIDE).all(axis=1)
     found, scores = found[usable], values.cpu().numpy().astype(np.float64)[usable]
     kept = nms(found, scores, 0.7)[:count]
     return make_proposals(found[kept], scores[kept])
@@ -189,12 +199,12 @@ def load_detector(
     threshold: float | None = None,
     device: str = "cpu",
 ) -> Detector:
-    """The detector of a weights file (default: the package's), which must know exactly `labels`.
+    """The detector of a weights file (default: the package's), for `labels` or all that it knows.
 
     Raises InputError for weights that cannot be used.
     """
     weights = load_weights(path, labels=labels)
-    return Detector(weights, proposer=proposer, sigma_c=sigma_c, threshold=threshold, device=device)
+    return Detector(weights, labels=labels, proposer=proposer, sigma_c=sigma_c, threshold=threshold, device=device)
 
 
 def check_picture(color: NDArray[np.uint8], depth: NDArray[np.float32] | None) -> None:
@@ -215,8 +225,11 @@ def _to_working_size(color: NDArray[np.uint8]) -> tuple[float, NDArray[np.uint8]
     scale = WORKING_SIZE / max(color.shape[:2])
     if scale == 1.0:
         return scale, color
-    size = [max(round(side * scale), 32) for side in color.shape[1::-1]]
+    size = [max(round(side * scale), 1) for side in color.shape[1::-1]]
     resized = cv2.resize(color, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    # A very long picture is lengthened across, so that the network's smallest map still has cells.
+    right, bottom = (max(32 - side, 0) for side in size)
+    resized = cv2.copyMakeBorder(resized, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
     return scale, np.asarray(resized, dtype=np.uint8)
 
 

@@ -145,7 +145,7 @@ def _jpeg_header(data: bytes) -> _Header:
     return header
 
 
-def _decode(data: bytes, path: Path, flags: int) -> NDArray[np.int64]:
+def _decode(data: bytes, path: Path, flags: int) -> NDArray[np.uint8 | np.uint16]:
     """The picture as OpenCV decodes it, whole numbers of whatever width."""
     try:
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
@@ -153,4 +153,4 @@ def _decode(data: bytes, path: Path, flags: int) -> NDArray[np.int64]:
         raise InputError(f"{path}: cannot be decoded ({one_line(error)}); expected a whole file") from error
     if picture is None:
         raise InputError(f"{path}: cannot be decoded; expected a whole file")
-    return np.asarray(picture, dtype=np.int64)
+    return np.asarray(picture)

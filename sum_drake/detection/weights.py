@@ -51,9 +51,14 @@ class Weights:
         return network.eval()
 
 
+def rounded(weights: Weights) -> Weights:
+    """The same as they are in a file."""
+    tensors = {name: tensor.detach().cpu().half() for name, tensor in weights.tensors.items()}
+    return dataclasses.replace(weights, tensors=tensors)
+
+
 def save_weights(path: Path, weights: Weights) -> str:
     """Writes the file and returns its SHA-256."""
-    import torch
     from safetensors.torch import save
 
     about = {
@@ -64,7 +69,7 @@ def save_weights(path: Path, weights: Weights) -> str:
         "calibration": dataclasses.asdict(weights.calibration),
         "threshold": weights.threshold,
     }
-    tensors = {name: tensor.detach().to("cpu", torch.float16).contiguous() for name, tensor in weights.tensors.items()}
+    tensors = {name: tensor.contiguous() for name, tensor in rounded(weights).tensors.items()}
     content = save(tensors, metadata={_KEY: json.dumps(about, sort_keys=True)})
     write_whole(path, content)
     return hashlib.sha256(content).hexdigest()
@@ -73,8 +78,8 @@ def save_weights(path: Path, weights: Weights) -> str:
 def load_weights(path: Path | None = None, *, labels: Sequence[str] | None = None) -> Weights:
     """Reads a detector (default: the package's).
 
-    labels: what it must know, in this order. Raises InputError for a file that is missing, damaged, no detector, or one
-    of other labels.
+    labels: what it must know, perhaps among others. Raises InputError for a file that is missing, damaged, no detector,
+    or one that lacks a label.
     """
     from safetensors import SafetensorError, safe_open
 
@@ -88,9 +93,11 @@ def load_weights(path: Path | None = None, *, labels: Sequence[str] | None = Non
     except (SafetensorError, OSError, ValueError) as error:
         raise InputError(f"{path}: {one_line(error)}; expected a whole safetensors file") from error
     weights = _read(path, about, tensors)
-    if labels is not None and tuple(labels) != weights.labels:
+    unknown = [label for label in labels or () if label not in weights.labels]
+    if unknown:
         raise InputError(
-            f"{path}: {_difference(weights.labels, labels)}; expected a detector of the catalogue's labels"
+            f"{path}: knows no '{unknown[0]}'; expected weights trained on the catalogue (sum-drake train), or in a "
+            "scenario detector: SimulatedDetector"
         )
     return weights
 
@@ -111,11 +118,3 @@ def _read(path: Path, about: Any, tensors: "dict[str, Tensor]") -> Weights:
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: {one_line(error)}; expected weights that fit their own description") from error
     return weights
-
-
-def _difference(known: Sequence[str], wanted: Sequence[str]) -> str:
-    unknown = [label for label in wanted if label not in known]
-    if unknown:
-        return f"knows no '{unknown[0]}'"
-    extra = [label for label in known if label not in wanted]
-    return f"knows '{extra[0]}', which the catalogue lacks" if extra else "knows the labels in another order"
