@@ -14,7 +14,8 @@ from pydrake.multibody.parsing import LoadModelDirectives
 from pydrake.multibody.plant import MultibodyPlantConfig
 
 from sum_drake.assets import asset
-from sum_drake.filtering import FilterConfig, PoseEstimator, filter_config
+from sum_drake.filter_config import FilterConfig, filter_config
+from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import inverse, pose_error, transform
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.rendering import DepthRenderer

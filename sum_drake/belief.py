@@ -6,9 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
+from sum_drake.action_model import predict
 from sum_drake.association import AssociationConfig
 from sum_drake.existence import missed_probability, track_probability
-from sum_drake.filtering import FilterConfig, PoseEstimate, predict
+from sum_drake.filter_config import FilterConfig
+from sum_drake.filtering import PoseEstimate
 from sum_drake.types import (
     Array,
     Association,

@@ -55,6 +55,20 @@ def rotation_from_quaternion(q: Array) -> Array:
     )
 
 
+def super_fibonacci(n: int, rng: np.random.Generator) -> Array:
+    """n unit quaternions (n, 4) spread evenly over all rotations, from a random start (Alexa, CVPR 2022)."""
+    phi, psi = np.sqrt(2.0), 1.533751168755204288118041
+    s = np.arange(n) + 0.5
+    r, R = np.sqrt(s / n), np.sqrt(1 - s / n)
+    a, b = 2 * np.pi * s / phi, 2 * np.pi * s / psi
+    spiral = np.stack([r * np.sin(a), r * np.cos(a), R * np.sin(b), R * np.cos(b)], -1)
+    # One random rotation for all: the product of unit quaternions is an isometry.
+    w, x, y, z = rng.normal(size=4)
+    q = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    turned: Array = spiral @ (q / np.linalg.norm(q[0])).T
+    return turned
+
+
 def rotation_angle(R: Array) -> Array:
     """Angle in [0, pi] of rotations (..., 3, 3); accurate near 0 and near pi."""
     trace = np.trace(R, axis1=-2, axis2=-1)

@@ -67,6 +67,12 @@ def _edges(depth: NDArray[np.float32], jump: float) -> NDArray[np.bool_]:
     return np.asarray(np.max(around, axis=0) - nearest > jump)
 
 
+def pixel_rays(camera: Camera, u: Tensor, v: Tensor) -> Tensor:
+    """Points at depth 1 that pixels show, (..., 3)."""
+    x, y = (u.float() - camera.cx) / camera.fx, (v.float() - camera.cy) / camera.fy
+    return torch.stack([x, y, torch.ones_like(x)], -1)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Counts:
     """Rendered points of each pose by what became of them, in pixels, (n,) each."""

@@ -18,7 +18,7 @@ from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection import weights
 from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.simulated import SimulatedDetectorConfig
-from sum_drake.filtering import FILTERS
+from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.picking import PickConfig

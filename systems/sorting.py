@@ -12,7 +12,8 @@ from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
 from sum_drake.costs import Costs
 from sum_drake.detection.inference import Detector, load_detector
-from sum_drake.filtering import PoseEstimator, filter_config
+from sum_drake.filter_config import filter_config
+from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
 from sum_drake.motion import PlanningScene

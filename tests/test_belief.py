@@ -6,7 +6,8 @@ from scenes import observe, standing
 
 from sum_drake.association import AssociationConfig, associate
 from sum_drake.belief import AcceptanceConfig, update
-from sum_drake.filtering import FilterConfig, PoseEstimator
+from sum_drake.filter_config import FilterConfig
+from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
 from sum_drake.objects import load_catalogue
 from sum_drake.types import Associations, Detection, Detections, PickPlace, SceneBelief, readonly

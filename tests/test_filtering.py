@@ -9,13 +9,12 @@ import pytest
 import torch
 import trimesh
 
-from sum_drake.assets import InputError
-from sum_drake.filtering import FilterConfig, PoseEstimate, PoseEstimator, filter_config, predict, super_fibonacci
+from sum_drake.action_model import predict
+from sum_drake.filter_config import FilterConfig, filter_config
+from sum_drake.filtering import PoseEstimate, PoseEstimator
 from sum_drake.geometry import (
     inverse,
     pose_error,
-    rotation_angle,
-    rotation_from_quaternion,
     rotation_from_vector,
     transform,
 )
@@ -109,7 +108,8 @@ def test_tracking_refines_a_prior_and_gives_up_a_wrong_one(estimator: PoseEstima
     for offset, turn in (([0.015, -0.01, 0.01], 0.1), ([0.4, 0.3, 0.2], 2.5)):
         X_prior = transform(rotation_from_vector(np.array([0, 0, turn])) @ X_WO[:3, :3], X_WO[:3, 3] + offset)
         held = PoseBelief(np.tile(X_prior, (50, 1, 1)), np.full(50, 1 / 50))
-        prior = predict(held, action("other"), is_target=False, rng=rng, config=FilterConfig())
+        other = PickPlace(0, "pick_place", 9, "mug", np.eye(4), np.eye(4), "cleaning_bin", 0.05, 0.05, True)
+        prior = predict(held, other, is_target=False, rng=rng, config=FilterConfig())
         estimate = estimator.estimate(frame, box, "tide", rng=rng, prior=prior)
         check(estimate)
         if turn < 1:
@@ -179,66 +179,6 @@ def test_paper_preset_runs_and_improves_on_its_start(frame_and_truth) -> None:
     assert len(last.belief.weights) == 625
     assert last.likelihood > first.likelihood
     assert np.linalg.norm(last.X_WO[:3, 3] - X_WO[:3, 3]) < 0.05
-
-
-def test_unknown_preset_and_settings_are_refused() -> None:
-    with pytest.raises(InputError, match="fastest"):
-        filter_config("fastest")
-    for field in ("render", "start", "score"):
-        with pytest.raises(InputError, match=rf"filter\.{field}: 'never' is unknown; expected '\w+' or '\w+'"):
-            PoseEstimator(load_catalogue(), FilterConfig(**{field: "never"}))
-    with pytest.raises(InputError, match="normals"):
-        PoseEstimator(load_catalogue(), FilterConfig(render="each"))
-
-
-def action(label: str, *, released: bool = True, kind: str = "pick_place") -> PickPlace:
-    place = transform(np.eye(3), np.array([0.1, -0.6, 0.8]))
-    return PickPlace(0, kind, 1, label, np.eye(4), place, "cleaning_bin", 0.05, 0.05, released)
-
-
-def test_action_model_is_the_mixture_of_eq_10() -> None:
-    n = 20000
-    belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
-    config = FilterConfig()
-    rng = np.random.default_rng(0)
-    target = predict(belief, action("tide"), is_target=True, rng=rng, config=config)
-    place = action("tide").X_WO_place[:3, 3]
-    placed = np.linalg.norm(target.X_WOs[:, :3, 3] - place, axis=1) < 0.4
-    assert placed.mean() == pytest.approx(config.w_place, abs=0.02)
-    assert target.X_WOs[placed, :3, 3].mean(0) == pytest.approx(place, abs=0.002)
-    assert target.X_WOs[placed, :3, 3].std(0) == pytest.approx([0.04] * 3, rel=0.05)
-    assert target.X_WOs[~placed, :3, 3].std(0) == pytest.approx([0.02] * 3, rel=0.05)
-    other = predict(belief, action("tide"), is_target=False, rng=rng, config=config)
-    assert other.X_WOs[:, :3, 3].std(0) == pytest.approx([0.01] * 3, rel=0.05)
-    # .01 m go with .1 rad on each of three axes.
-    assert np.sqrt((rotation_angle(other.X_WOs[:, :3, :3]) ** 2).mean() / 3) == pytest.approx(0.1, rel=0.05)
-    kept = predict(belief, action("tide", released=False), is_target=True, rng=rng, config=config)
-    assert (np.linalg.norm(kept.X_WOs[:, :3, 3], axis=1) < 0.2).all()
-
-
-def test_nothing_done_changes_nothing() -> None:
-    belief = PoseBelief(np.eye(4)[None], np.ones(1))
-    for done in (None, action("", kind="none")):
-        assert predict(belief, done, is_target=True, rng=np.random.default_rng(0), config=FilterConfig()) is belief
-
-
-def test_action_model_honours_weights() -> None:
-    X_WOs = np.stack([np.eye(4), transform(np.eye(3), np.array([1.0, 0, 0]))])
-    belief = PoseBelief(np.repeat(X_WOs, 500, axis=0), np.repeat([0.2, 0.8], 500) / 500)
-    moved = predict(belief, action("x"), is_target=False, rng=np.random.default_rng(0), config=FilterConfig())
-    assert (moved.X_WOs[:, 0, 3] > 0.5).mean() == pytest.approx(0.8, abs=0.01)
-    assert moved.weights == pytest.approx(np.full(1000, 1e-3))
-
-
-def test_super_fibonacci_covers_rotations_better_than_chance() -> None:
-    rng = np.random.default_rng(0)
-    probes = rotation_from_quaternion(rng.normal(size=(300, 4)))
-
-    def gap(q: Array) -> float:
-        R = rotation_from_quaternion(q)
-        return float(np.arccos((np.einsum("aij,bij->ab", probes, R).max(1) - 1) / 2).max())
-
-    assert gap(super_fibonacci(600, rng)) < 0.85 * gap(rng.normal(size=(600, 4)))
 
 
 def test_a_users_mesh_needs_nothing_but_a_mesh(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from sum_drake.geometry import (
     rotation_error,
     rotation_from_quaternion,
     rotation_from_vector,
+    super_fibonacci,
     symmetry_group,
     transform,
 )
@@ -76,6 +77,17 @@ def test_a_can_stood_on_its_head_is_the_same_can_but_a_bottle_is_not():
     over = rotation_from_vector(np.array([np.pi, 0, 0]))
     assert rotation_error(np.eye(3), over, symmetry_group("cylinder")) < 1e-9
     assert rotation_error(np.eye(3), over, symmetry_group("revolution")) == pytest.approx(np.pi)
+
+
+def test_super_fibonacci_covers_rotations_better_than_chance():
+    rng = np.random.default_rng(0)
+    probes = rotation_from_quaternion(rng.normal(size=(300, 4)))
+
+    def gap(q):
+        R = rotation_from_quaternion(q)
+        return float(np.arccos((np.einsum("aij,bij->ab", probes, R).max(1) - 1) / 2).max())
+
+    assert gap(super_fibonacci(600, rng)) < 0.85 * gap(rng.normal(size=(600, 4)))
 
 
 def test_unknown_symmetry_is_a_key_error():

@@ -10,7 +10,8 @@ from scenes import observe, standing
 
 from sum_drake import belief
 from sum_drake.association import AssociationConfig
-from sum_drake.filtering import FilterConfig, PoseEstimator
+from sum_drake.filter_config import FilterConfig
+from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
 from sum_drake.objects import load_catalogue
 from sum_drake.systems.data_associator import DataAssociator

@@ -1,0 +1,69 @@
+"""What a camera sees of an object at many poses: looked up among renders from all sides, or rendered anew."""
+
+import dataclasses
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from sum_drake.particles import Particles
+from sum_drake.rendering import Atlas, Surface, see_surface, view_rotations
+from sum_drake.types import Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shown:
+    """What the camera sees of each particle."""
+
+    p_CPs: Tensor
+    """(n, k, 3)."""
+    normals_C: Tensor | None
+    """(n, k, 3)."""
+    areas: Tensor
+    """(n, k) or (n, 1)."""
+
+
+_POINTS = 200_000
+"""Points of all particles together that are looked at in a step, when points are looked up."""
+
+
+class Appearance:
+    """An object as the filter sees it: its looks from all sides, on torch."""
+
+    def __init__(self, vertices: Array, faces: NDArray[np.int64], render: str) -> None:
+        self.surface: Surface | None = None
+        self.atlas: Atlas | None = None
+        if render == "views":
+            self.surface = surface = see_surface(vertices, faces)
+            self.p_OM, self.radius = surface.p_OM, surface.radius
+            self._directions = torch.tensor(surface.directions)
+            self._points = torch.tensor(surface.points)
+            self._normals = torch.tensor(surface.normals)
+            self._areas = torch.tensor(surface.areas)
+        else:
+            self.atlas = Atlas(vertices, faces)
+            self.p_OM, self.radius = self.atlas.p_OM, self.atlas.pixel * self.atlas.tile / 2.02
+
+    def show(self, particles: Particles) -> Shown:
+        """What is seen of each particle."""
+        R_COs, p_CMs = particles.R_COs, particles.p_CMs
+        rays_C = p_CMs / p_CMs.norm(dim=-1, keepdim=True).clamp(min=1e-6)
+        if self.atlas is None:
+            # The more particles, the fewer points of each: many rough looks find more than a few fine ones.
+            every = max(1, len(particles) * self._points.shape[1] // _POINTS)
+            rays_O = (rays_C[:, None] @ R_COs).squeeze(1)
+            view = (rays_O @ self._directions.T).argmax(-1)
+            p_CPs = self._points[:, ::every][view] @ R_COs.transpose(1, 2) + p_CMs[:, None]
+            normals_C = self._normals[:, ::every][view] @ R_COs.transpose(1, 2)
+            return Shown(p_CPs, normals_C, every * self._areas[view][:, None])
+        R_CVs = _view_rotations(rays_C)
+        R_VOs = R_CVs.transpose(1, 2) @ R_COs
+        points, seen = self.atlas.points(R_VOs.double().numpy())
+        n = len(particles)
+        p_CPs = torch.from_numpy(points).view(n, -1, 3) @ R_CVs.transpose(1, 2) + p_CMs[:, None]
+        return Shown(p_CPs, None, torch.from_numpy(seen).view(n, -1) * self.atlas.pixel**2)
+
+
+def _view_rotations(rays: Tensor) -> Tensor:
+    return torch.from_numpy(view_rotations(rays.double().numpy())).float()

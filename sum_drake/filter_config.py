@@ -1,0 +1,116 @@
+"""Settings of the pose filter, and its presets: the filter as published, and our own."""
+
+import dataclasses
+
+from sum_drake.assets import InputError
+
+FILTERS = ("default", "paper")
+"""Names of the presets."""
+
+
+_CHOICES = {"render": ("views", "each"), "start": ("surface", "uniform"), "score": ("difference", "inliers")}
+
+
+@dataclasses.dataclass
+class FilterConfig:
+    """Settings of the pose filter, metres and radians. The defaults are the preset "default", see `filter_config`."""
+
+    render: str = "views"
+    """"views": look up what a pose shows among renders from many directions; "each": render every particle anew."""
+    start: str = "surface"
+    """"surface": particles begin with a point of theirs on one that was observed in the box, turned evenly all ways;
+    "uniform": anywhere on the rays of the box within the observed depths, turned at random."""
+    score: str = "difference"
+    """What particles are weighted by. "difference": (I - F) / N, inliers less points in observed free space; the
+    estimate then gets `likelihood.confidence`. "inliers": I / N, eq. 8, for both."""
+    particles: int = 2500
+    """At the start."""
+    particles_last: int = 250
+    """In the last iteration; their number falls geometrically."""
+    iterations: int = 10
+    """Of weighting and resampling."""
+    warmup: int = 4
+    """Registration steps that all particles take before the first weighting."""
+    registered: float = 0.7
+    """Share of particles proposed by a registration step from their own render, after a little noise."""
+    flipped: float = 0.1
+    """Share of particles proposed by a half or quarter turn about an axis of the object, through its middle."""
+    fresh: float = 0.25
+    """Share of particles started from the box when there is a prior to go on from."""
+    tracking_particles: int = 300
+    """At the start, when there is a prior to go on from."""
+    tracking_iterations: int = 3
+    """The same for iterations."""
+    epsilon_first: float = 0.01
+    """Inlier distance of the first iteration; falls geometrically."""
+    epsilon: float = 0.007
+    """Inlier distance of the last iteration."""
+    noise_translation_first: float = 0.01
+    """Standard deviation, on each axis, of the transition noise of the first iteration; falls geometrically."""
+    noise_translation: float = 0.002
+    """The same for the last iteration."""
+    noise_rotation_first: float = 0.2
+    """The same for rotation vectors, first iteration."""
+    noise_rotation: float = 0.03
+    """The same, last iteration."""
+    effective_share: float = 0.15
+    """Weights are raised to the power at which their effective sample size is this share of the particles; 0: as is."""
+    candidates: int = 8
+    """Modes that are turned, registered and compared by exact renders at the end; 0: the best particle is taken."""
+    sharpness: float = 60.0
+    """Of the posterior that the belief is drawn from: it is proportional to exp(sharpness * likelihood)."""
+    w_place: float = 0.8
+    """w1 of eq. 10: probability that a pick and place did what it should. The paper leaves it open."""
+    sigma_place: float = 0.04
+    """sigma1 of eq. 10."""
+    sigma_stay: float = 0.02
+    """sigma2 of eq. 10."""
+    sigma_other: float = 0.01
+    """sigma3 of eq. 10."""
+    radians_per_metre: float = 10.0
+    """Rotation noise of the action model per metre of sigma, which the paper leaves open: .04 m go with .4 rad."""
+
+    def __post_init__(self) -> None:
+        for field, known in _CHOICES.items():
+            if getattr(self, field) not in known:
+                expected = " or ".join(map(repr, known))
+                raise InputError(f"filter.{field}: {getattr(self, field)!r} is unknown; expected {expected}")
+        if self.render == "each" and (self.warmup > 0 or self.registered > 0 or self.candidates > 0):
+            raise InputError("filter: registration needs the normals that render: views has; render: each has none")
+
+
+def filter_config(name: str = "default") -> FilterConfig:
+    """The preset of a name. Raises InputError for an unknown one.
+
+    "paper" is Sui et al. 2017: 625 particles, 25 iterations, likelihood I / N with epsilon = 8 mm (eq. 8, 9), weights
+    normalised and resampled by importance in each iteration (eq. 7), uniform start. The paper leaves open, and we take:
+    the transition noise, constant at 1 cm and .1 rad; N, the observed points in the box; the start, a pixel uniform
+    over the box, a depth uniform between the nearest and the farthest observation in it (its 5th and 95th percentile)
+    plus up to the object's radius, and an orientation uniform over SO(3).
+    """
+    if name == "default":
+        return FilterConfig()
+    if name == "paper":
+        return FilterConfig(
+            render="each",
+            start="uniform",
+            score="inliers",
+            particles=625,
+            particles_last=625,
+            iterations=25,
+            warmup=0,
+            registered=0.0,
+            flipped=0.0,
+            fresh=0.0,
+            tracking_particles=625,
+            tracking_iterations=25,
+            epsilon_first=0.008,
+            epsilon=0.008,
+            noise_translation_first=0.01,
+            noise_translation=0.01,
+            noise_rotation_first=0.1,
+            noise_rotation=0.1,
+            effective_share=0.0,
+            candidates=0,
+        )
+    raise InputError(f"filter: {name!r} is unknown; expected one of {', '.join(FILTERS)}")
