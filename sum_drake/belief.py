@@ -1,7 +1,7 @@
 """The recursion over observations: predict, estimate, spawn, terminate, accept (Sui et al. 2017, eq. 4)."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -10,12 +10,13 @@ from sum_drake.action_model import predict
 from sum_drake.association import AssociationConfig
 from sum_drake.existence import missed_probability, track_probability
 from sum_drake.filter_config import FilterConfig
-from sum_drake.filtering import PoseEstimate
+from sum_drake.filtering import PoseEstimate, PoseRequest
 from sum_drake.types import (
     Array,
     Association,
     Associations,
     Box,
+    Detection,
     Detections,
     Frame,
     PickPlace,
@@ -26,12 +27,10 @@ from sum_drake.types import (
 
 
 class Estimator(Protocol):
-    """Anything that estimates one object's pose in one box; `filtering.PoseEstimator` is one."""
+    """Anything that estimates poses in boxes: `filtering.PoseEstimator`, or many in `pose_workers.PoseWorkers`."""
 
-    def estimate(
-        self, frame: Frame, box: Box, label: str, *, rng: np.random.Generator, prior: PoseBelief | None = None
-    ) -> PoseEstimate:
-        """The pose belief given the frame's depth in the box; from scratch where there is no prior."""
+    def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
+        """The pose belief of each request given the frame's depth in its box, in the order of the requests."""
 
 
 @dataclasses.dataclass
@@ -67,20 +66,29 @@ def update(
             f"{associations.observation} are of different observations; expected one"
         )
     matched = {pair.track: pair for pair in associations.pairs if pair.track is not None}
-    tracks = []
+    unseen, looked_for, requests = [], [], []
+
+    def request(track: Track | int, pair: Association, prior: PoseBelief | None, rng: np.random.Generator) -> None:
+        looked_for.append((track, pair))
+        requests.append(PoseRequest(pair.label, detections.boxes[pair.detection].box, rng, prior))
+
     for track in held.tracks:
         rng = np.random.default_rng([seed, track.id, frame.observation])
         predicted = _predict(track, action, rng, filter_config)
         if track.id in matched:
-            tracks.append(_estimate(track, matched[track.id], predicted, frame, detections, estimator, sunk, rng))
+            request(track, matched[track.id], predicted, rng)
         elif frame.observation - track.seen < association_config.max_missed:
-            tracks.append(_unseen(track, predicted, action))
+            unseen.append(_unseen(track, predicted, action))
     next_id = held.next_id
     for pair in associations.pairs:
         if pair.track is None:
-            rng = np.random.default_rng([seed, next_id, frame.observation])
-            tracks.append(_estimate(next_id, pair, None, frame, detections, estimator, sunk, rng))
+            request(next_id, pair, None, np.random.default_rng([seed, next_id, frame.observation]))
             next_id += 1
+    seen = [
+        _track(track, detections.boxes[pair.detection], pair.label, estimate, frame.observation, sunk)
+        for (track, pair), estimate in zip(looked_for, estimator.estimate_all(frame, requests), strict=True)
+    ]
+    tracks = sorted([*unseen, *seen], key=lambda track: track.id)
     accepted = _accept(tracks, frame.observation, acceptance, unique_labels)
     return SceneBelief(frame.observation, accepted, next_id)
 
@@ -103,24 +111,20 @@ def _unseen(track: Track, predicted: PoseBelief, action: PickPlace | None) -> Tr
     )
 
 
-def _estimate(
+def _track(
     track: Track | int,
-    pair: Association,
-    prior: PoseBelief | None,
-    frame: Frame,
-    detections: Detections,
-    estimator: Estimator,
+    detection: Detection,
+    label: str,
+    estimate: PoseEstimate,
+    observation: int,
     sunk: Callable[[str, Array], float],
-    rng: np.random.Generator,
 ) -> Track:
-    """The track (or a new one of that id) after its association with a box."""
-    detection = detections.boxes[pair.detection]
-    p_label = dict(detection.p_labels)[pair.label]
-    estimate = estimator.estimate(frame, detection.box, pair.label, rng=rng, prior=prior)
-    depth = sunk(pair.label, estimate.X_WO)
+    """The track (or a new one of that id) after its association with a box and the estimate in it."""
+    p_label = dict(detection.p_labels)[label]
+    depth = sunk(label, estimate.X_WO)
     return Track(
         id=track if isinstance(track, int) else track.id,
-        label=pair.label,
+        label=label,
         box=detection.box,
         p_box=detection.p_box,
         p_label=p_label,
@@ -129,8 +133,8 @@ def _estimate(
         likelihood=estimate.likelihood,
         probability=track_probability(detection.p_box, p_label, estimate.likelihood, depth),
         accepted=False,
-        born=frame.observation if isinstance(track, int) else track.born,
-        seen=frame.observation,
+        born=observation if isinstance(track, int) else track.born,
+        seen=observation,
         features=(*estimate.features, ("sunk_m", depth)),
     )
 

@@ -20,7 +20,11 @@ class Costs:
         try:
             yield
         finally:
-            self.seconds[purpose] = self.seconds.get(purpose, 0.0) + time.process_time() - start
+            self.add(purpose, time.process_time() - start)
+
+    def add(self, purpose: str, seconds: float) -> None:
+        """Adds CPU time, perhaps of another process."""
+        self.seconds[purpose] = self.seconds.get(purpose, 0.0) + seconds
 
 
 def peak_memory_mib() -> float:

@@ -6,6 +6,7 @@
 
 import dataclasses
 import threading
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,18 @@ class PoseEstimate(Immutable):
     belief, as a share), translation_std_m, rotation_std_rad, runner_up (likelihood of the best pose that differs)."""
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class PoseRequest:
+    """A box in which the pose of an object is to be estimated."""
+
+    label: str
+    box: Box
+    rng: np.random.Generator
+    """Of this request's own, so that it does not matter what is estimated before it or where."""
+    prior: PoseBelief | None = None
+    """What is believed of the object, moved by the action model; None: nothing."""
+
+
 class PoseEstimator:
     """Estimates poses of a catalogue's objects, one box and label at a time; keeps what it rendered of each label.
 
@@ -72,6 +85,15 @@ class PoseEstimator:
         if label not in self._models:
             self._models[label] = Appearance(*mesh_arrays(self._catalogue, label), self._config.render)
         return self._models[label]
+
+    def warm_all(self, labels: Sequence[str]) -> None:
+        """`warm` for each label."""
+        for label in labels:
+            self.warm(label)
+
+    def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
+        """`estimate` for each request, in their order."""
+        return [self.estimate(frame, one.box, one.label, rng=one.rng, prior=one.prior) for one in requests]
 
     def estimate(
         self,

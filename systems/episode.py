@@ -1,6 +1,8 @@
 """One sorting run, from the pour to the end, as a value."""
 
+import contextlib
 import dataclasses
+import functools
 import time
 from collections.abc import Callable, Mapping
 
@@ -9,7 +11,9 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from sum_drake.assets import one_line
 from sum_drake.costs import Costs
+from sum_drake.filter_config import filter_config
 from sum_drake.objects import Catalogue
+from sum_drake.pose_workers import PoseWorkers
 from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.referee import TruthSample
@@ -47,24 +51,35 @@ def run(
     open_log: Callable[[], RunLogWriter] | None = None,
     progress: Progress = lambda what, sim_time, share: None,
     on_diagram: Callable[[Diagram], None] = lambda diagram: None,
+    workers: int = 1,
 ) -> Episode:
     """Pours, then sorts until the table is clear, nothing more can be done, or the simulated time is over.
 
-    open_log: as in `make_sorting`. on_diagram: given the diagram once it is built. Until then InputError and
-    RuntimeError (a pour that does not come to rest) are raised; whatever goes wrong later ends the episode, and is in
-    it.
+    open_log: as in `make_sorting`. on_diagram: given the diagram once it is built. workers: processes that estimate
+    poses; with 1 this one does. Until the diagram is built InputError and RuntimeError (a pour that does not come to
+    rest) are raised; whatever goes wrong later ends the episode, and is in it.
     """
     start, costs = time.perf_counter(), Costs()
     check_detector(scenario, catalogue)
-    progress("pouring", 0.0, 0.0)
-    with costs.of("pouring"):
-        X_WOs = pour_scene(scenario, catalogue)
-    diagram = make_sorting(scenario, X_WOs, catalogue, open_log=open_log, costs=costs)
-    on_diagram(diagram)
+    with contextlib.ExitStack() as stack:
+        estimator = None
+        if workers > 1:
+            count = functools.partial(costs.add, "pose workers")
+            estimator = PoseWorkers(catalogue, filter_config(scenario.filter), workers, on_cpu=count)
+            stack.callback(estimator.close)
+        progress("pouring", 0.0, 0.0)
+        with costs.of("pouring"):
+            X_WOs = pour_scene(scenario, catalogue)
+        diagram = make_sorting(scenario, X_WOs, catalogue, open_log=open_log, costs=costs, pose_estimator=estimator)
+        on_diagram(diagram)
+        return _run(scenario, diagram, len(X_WOs), costs, progress, start)
+
+
+def _run(scenario: Scenario, diagram: Diagram, objects: int, costs: Costs, progress: Progress, start: float) -> Episode:
     simulator = Simulator(diagram)
     root = simulator.get_mutable_context()
     set_home(diagram.GetSubsystemByName("station"), root)
-    watch = _Watch(diagram, len(X_WOs), progress)
+    watch = _Watch(diagram, objects, progress)
     simulator.set_monitor(watch)
     error: BaseException | None = None
     with costs.of("all"):
@@ -78,6 +93,7 @@ def run(
     unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
     seconds = dict(costs.seconds)
     seconds["simulation"] = seconds.pop("all") - seconds.get("perception", 0.0) - seconds.get("planning", 0.0)
+    seconds["perception"] = seconds.get("perception", 0.0) + seconds.pop("pose workers", 0.0)
     referee = diagram.GetSubsystemByName("referee")
     return Episode(
         outcome=watch.outcome or f"stopped: {scenario.simulation_duration:g} s of simulated time are over",

@@ -10,6 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.belief import Estimator
 from sum_drake.costs import Costs
 from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.filter_config import filter_config
@@ -53,10 +54,12 @@ SETTLE = 0.5
 """How long arm and objects rest before an observation, seconds."""
 
 
-def bind_perception(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> UpdateBelief:
+def bind_perception(
+    scenario: Scenario, catalogue: Catalogue, costs: Costs, pose_estimator: Estimator | None = None
+) -> UpdateBelief:
     """`belief.update` with its estimator, which keeps its render engines warm, and the scenario's configuration."""
     config = filter_config(scenario.filter)
-    estimator = PoseEstimator(catalogue, config)
+    estimator = PoseEstimator(catalogue, config) if pose_estimator is None else pose_estimator
     seed = derive(scenario.random_seed, "estimation")
     table = scenario.region("table")
     # Not the scenario itself: it says what was poured, and from which seed.
@@ -168,11 +171,13 @@ def make_sorting(
     *,
     open_log: Callable[[], RunLogWriter] | None = None,
     costs: Costs | None = None,
+    pose_estimator: Estimator | None = None,
 ) -> Diagram:
     """Station, perception, planner, controller, log and referee in one diagram.
 
     X_WOs: label -> (4, 4) pose of each object on the table. open_log: called once all else has been made, for where the
-    log goes; without it there is none. Raises InputError for a scene or a catalogue that cannot be used.
+    log goes; without it there is none. pose_estimator: with the scenario's filter; default: one in this process. Raises
+    InputError for a scene or a catalogue that cannot be used.
     """
     costs = Costs() if costs is None else costs
     seed = scenario.random_seed
@@ -195,9 +200,8 @@ def make_sorting(
         "object_detector", DETECTORS[scenario.detector](scenario, catalogue, station, costs)
     )
     associator = builder.AddNamedSystem("data_associator", DataAssociator(config=scenario.association))
-    estimator = builder.AddNamedSystem(
-        "scene_estimator", SceneEstimator(update_belief=bind_perception(scenario, catalogue, costs), period=POLL)
-    )
+    update = bind_perception(scenario, catalogue, costs, pose_estimator)
+    estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
     decide, retreat = bind_task(scenario, catalogue, costs)
     planner = builder.AddNamedSystem(
         "sorting_planner", SortingPlanner(decide=decide, retreat=retreat, period=POLL, settle_time=SETTLE)

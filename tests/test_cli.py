@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from detectors import write_untrained
 from pictures import write_cards
+from scenes import observe, standing
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import main
@@ -281,6 +282,47 @@ def test_what_cannot_be_detected_in_or_with_is_refused_and_leaves_nothing(capsys
     assert "nowhere.png" in refused(capsys, "detect", "nowhere.png", *out)
     assert "proposer 'luck'" in refused(capsys, "detect", str(photo), "--proposer", "luck", *out)
     assert not (tmp_path / "found").exists()
+
+
+def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
+    catalogue = load_catalogue()
+    frame, boxes = observe(catalogue, {"soup_can": standing(catalogue, "soup_can", 0.55, 0.0)})
+    folder = tmp_path / "frame"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "color.png"), frame.color[..., ::-1])
+    cv2.imwrite(str(folder / "depth.png"), np.round(frame.depth * 1e4).astype(np.uint16))
+    (folder / "camera.json").write_text(json.dumps(vars(frame.camera) | {"depth_scale": 1e-4}))
+    rows = [{"label": label, "box": boxes["soup_can"], "score": 0.9} for label in ("soup_can", "unicorn")]
+    (folder / "detections.json").write_text(json.dumps(rows))
+    out = tmp_path / "out"
+    estimate = ("estimate", str(folder), "--out", str(out), "--workers", "1", "--quiet")
+    assert main(estimate) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[1].startswith("soup_can") and "no 'unicorn'" in told[2]
+    found = json.loads((out / "estimates.json").read_text())
+    assert found["schema"] == "sum-drake/estimates/1"
+    can, unicorn = found["estimates"]
+    keys = {
+        "label",
+        "box",
+        "X_CO",
+        "probability",
+        "accepted",
+        "score",
+        "translation_std_m",
+        "rotation_std_rad",
+        "message",
+    }
+    assert can.keys() == unicorn.keys() == keys
+    assert can["accepted"] and can["probability"] > 0.9 and unicorn["probability"] == 0
+    assert found["timing"].keys() == {"start_s", "cpu_s", "wall_s"}
+    assert cv2.imread(str(out / "overlay.png")) is not None
+    assert "--force" in refused(capsys, *estimate)
+    (folder / "detections.json").unlink()
+    own = tmp_path / "own.yaml"
+    own.write_text(f"objects: {{teapot: {{mesh: {catalogue['mug'].mesh}, category: tools}}}}")
+    line = refused(capsys, *estimate, "--force", "--catalogue", str(own))
+    assert "no detections.json" in line and "knows no 'teapot'" in line
 
 
 def test_a_training_is_followed_drawn_and_told(capsys, tmp_path):

@@ -9,7 +9,6 @@ what another threshold would have given.
 import functools
 import hashlib
 import multiprocessing
-import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -32,6 +31,7 @@ from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.weights import DEFAULT
 from sum_drake.files import write_whole
 from sum_drake.objects import Catalogue
+from sum_drake.workers import ignore_interrupts, one_thread_each
 
 FILES = ("results.json", "report.html")
 IMAGES, QUICK_IMAGES = 200, 20
@@ -188,11 +188,6 @@ def _measure(
     return _worker(folder, weights, labels, device).measure(*task)
 
 
-def _ignore_interrupts() -> None:
-    """Whoever started a pool of processes ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
 def _measure_all(
     tasks: Sequence[tuple[str, int]],
     measure: Callable[[tuple[str, int]], Measured],
@@ -202,7 +197,9 @@ def _measure_all(
     """In the order of the tasks, whatever the number of workers."""
     progress("measuring", 0, len(tasks))
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _ignore_interrupts) as pool:
-        for done, one in enumerate(pool.map(measure, tasks), 1):
+    with ProcessPoolExecutor(workers, context, ignore_interrupts) as pool:
+        with one_thread_each():
+            found = pool.map(measure, tasks)
+        for done, one in enumerate(found, 1):
             progress("measuring", done, len(tasks))
             yield one

@@ -8,7 +8,16 @@ import sys
 import time
 from pathlib import Path
 
-from sum_drake.commands.common import Commands, add_catalogue, add_command, add_quiet, check_free, check_writable
+from sum_drake.commands.common import (
+    Commands,
+    add_catalogue,
+    add_command,
+    add_parallel,
+    add_quiet,
+    check_count,
+    check_free,
+    check_writable,
+)
 from sum_drake.files import write_whole
 
 
@@ -31,6 +40,7 @@ def add(commands: Commands) -> None:
     sort.add_argument("--graphviz", type=Path, metavar="FILE", help="write the diagram in Graphviz's format, too")
     sort.add_argument("--out", type=Path, metavar="DIR", help="run folder (default: runs/SEED)")
     sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
+    add_parallel(sort, "--workers", "processes that estimate poses")
     add_quiet(sort)
 
 
@@ -47,6 +57,7 @@ def _run(options: argparse.Namespace) -> None:
     from sum_drake.systems.verdict import score
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
+    check_count("--workers", options.workers)
     scenario = load_scenario(
         options.scenario_file,
         options.scenario_name,
@@ -82,7 +93,14 @@ def _run(options: argparse.Namespace) -> None:
 
     try:
         with stack:
-            episode = run(scenario, catalogue, open_log=open_log, progress=progress, on_diagram=draw)
+            episode = run(
+                scenario,
+                catalogue,
+                open_log=open_log,
+                progress=progress,
+                on_diagram=draw,
+                workers=options.workers,
+            )
         summary = score(episode, scenario, catalogue, versions=versions(), device=device())
         write_json(out / "summary.json", summary)
         write_report(out, catalogue)

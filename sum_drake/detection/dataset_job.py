@@ -4,8 +4,6 @@ import concurrent.futures
 import dataclasses
 import hashlib
 import multiprocessing
-import os
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures.process import BrokenProcessPool
@@ -25,10 +23,10 @@ from sum_drake.detection.dataset import (
 )
 from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
+from sum_drake.workers import ignore_interrupts, one_thread_each
 
 ORDER = ("validation", "train", "test", "shift")
 """In which the splits are rendered: training can begin on what is there."""
-_THREADS = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "LP_NUM_THREADS": "0"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,14 +141,12 @@ def _run(
             _render(catalogue, out, plan, split, scene)
             yield split, scene
         return
-    # Threads of numerical libraries and of the renderer are counted when a process starts.
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(_THREADS)
     pool = concurrent.futures.ProcessPoolExecutor(
         workers, multiprocessing.get_context("spawn"), _begin_work, (catalogue.path, out, plan)
     )
     try:
-        futures = {pool.submit(_work, *job): job for job in jobs}
+        with one_thread_each():
+            futures = {pool.submit(_work, *job): job for job in jobs}
         for future in concurrent.futures.as_completed(futures):
             split, scene = futures[future]
             try:
@@ -162,11 +158,6 @@ def _run(
             yield split, scene
     finally:
         pool.shutdown(cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 _worker: tuple[Catalogue, Path, Plan] | None = None
@@ -174,7 +165,7 @@ _worker: tuple[Catalogue, Path, Plan] | None = None
 
 def _begin_work(catalogue: Path, out: Path, plan: Plan) -> None:
     global _worker
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent stops its workers.
+    ignore_interrupts()
     _worker = load_catalogue(catalogue), out, plan
 
 

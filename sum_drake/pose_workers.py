@@ -1,0 +1,122 @@
+"""Poses of several objects at once: the paper's objects are independent, so each is estimated in a process of its own.
+
+A process keeps what it has rendered of a label for as long as it lives, so a label goes where it is known, unless
+others wait there. Results do not depend on where they were computed.
+"""
+
+import multiprocessing
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from types import TracebackType
+from typing import Self, TypeVar
+
+import numpy as np
+
+from sum_drake.filter_config import FilterConfig
+from sum_drake.filtering import PoseEstimate, PoseEstimator, PoseRequest
+from sum_drake.objects import Catalogue
+from sum_drake.types import Frame
+from sum_drake.workers import ignore_interrupts, one_thread_each
+
+T = TypeVar("T")
+WARMING = 2.0
+"""Estimates that take as long as making ready for a label."""
+
+
+class PoseWorkers:
+    """`filtering.PoseEstimator` in `workers` processes that stay; a context manager that ends them.
+
+    on_cpu: told the CPU seconds that the processes took, which the caller's clock does not see. Raises RuntimeError
+    where a process dies.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        config: FilterConfig,
+        workers: int,
+        *,
+        on_cpu: Callable[[float], None] = lambda seconds: None,
+    ) -> None:
+        self._on_cpu = on_cpu
+        context = multiprocessing.get_context("spawn")
+        self._pools = [ProcessPoolExecutor(1, context, _begin, (catalogue, config)) for _ in range(workers)]
+        self._known: list[set[str]] = [set() for _ in range(workers)]
+        with one_thread_each():
+            self._started = [pool.submit(_ready) for pool in self._pools]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the processes."""
+        for pool in self._pools:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def warm_all(self, labels: Sequence[str]) -> None:
+        """Makes ready for labels, shared out among the processes."""
+        to_do = zip(self._pools, self._share_out(labels), strict=True)
+        self._gather([pool.submit(_warm, [labels[i] for i in share]) for pool, share in to_do])
+
+    def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
+        """`PoseEstimator.estimate_all`, shared out among the processes."""
+        shares = self._share_out([one.label for one in requests])
+        to_do = zip(self._pools, shares, strict=True)
+        done = self._gather([pool.submit(_estimate, frame, [requests[i] for i in share]) for pool, share in to_do])
+        order = [i for share in shares for i in share]
+        found = [one for estimates in done for one in estimates]
+        return [found[k] for k in np.argsort(order)]
+
+    def _gather(self, futures: Sequence[Future[tuple[T, float]]]) -> list[T]:
+        try:
+            done = [future.result() for future in futures]
+        except BrokenProcessPool as error:
+            raise RuntimeError("a process that estimates poses died, perhaps for lack of memory") from error
+        self._on_cpu(sum(seconds for _, seconds in done))
+        return [result for result, _ in done]
+
+    def _share_out(self, labels: Sequence[str]) -> list[list[int]]:
+        """Which requests each process takes: each goes where it will be done first."""
+        shares: list[list[int]] = [[] for _ in self._pools]
+        work = [0.0 for _ in self._pools]
+        for i, label in enumerate(labels):
+            cost = [1.0 if label in known else 1.0 + WARMING for known in self._known]
+            best = min(range(len(work)), key=lambda k: (work[k] + cost[k], k))
+            shares[best].append(i)
+            work[best] += cost[best]
+            self._known[best].add(label)
+        return shares
+
+
+_estimator: PoseEstimator | None = None
+
+
+def _begin(catalogue: Catalogue, config: FilterConfig) -> None:
+    global _estimator
+    ignore_interrupts()
+    _estimator = PoseEstimator(catalogue, config)
+
+
+def _ready() -> None:
+    """Nothing: a process starts with its first task."""
+
+
+def _warm(labels: Sequence[str]) -> tuple[None, float]:
+    assert _estimator is not None
+    start = time.process_time()
+    _estimator.warm_all(labels)
+    return None, time.process_time() - start
+
+
+def _estimate(frame: Frame, requests: Sequence[PoseRequest]) -> tuple[list[PoseEstimate], float]:
+    """The estimates, and the CPU seconds that they took."""
+    assert _estimator is not None
+    start = time.process_time()
+    return _estimator.estimate_all(frame, requests), time.process_time() - start

@@ -1,0 +1,35 @@
+"""What worker processes have in common: one thread each, and whoever started them ends them."""
+
+import contextlib
+import os
+import signal
+from collections.abc import Iterator
+
+_THREADS = {
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "LP_NUM_THREADS": "0",
+}
+"""Of numerical libraries and of Mesa's renderer, which count them when a process starts."""
+
+
+@contextlib.contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Processes that are spawned in the block have one thread each."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(_THREADS)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def ignore_interrupts() -> None:
+    """For the start of a worker: Ctrl-C is for whoever started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
