@@ -63,6 +63,8 @@ class DepthNoiseConfig:
     """Whether what the projector does not reach has no depth: a band on the left of what stands out."""
     edge_jump: float = 0.02
     """Relative step of depth between neighbours that counts as an edge."""
+    edge_erosion: int = 0
+    """Pixels by which the background spreads over the left side of what stands out, as stereo matching does."""
     edge_dropout: float = 0.45
     """Probability that a pixel beside an edge returns nothing."""
     grazing_start: float = 1.22
@@ -73,7 +75,9 @@ class DepthNoiseConfig:
     """Probability that any other pixel returns nothing."""
 
     def __post_init__(self) -> None:
-        for name in ("axial_constant", "axial_quadratic", "baseline", "disparity_step", "lateral", "edge_jump"):
+        for name in (
+            "axial_constant", "axial_quadratic", "baseline", "disparity_step", "lateral", "edge_jump", "edge_erosion",
+        ):  # fmt: skip
             if not getattr(self, name) >= 0:
                 raise InputError(f"noise: {name} is {getattr(self, name)}, expected a number >= 0")
         for name in ("edge_dropout", "dropout"):
@@ -115,6 +119,10 @@ def add_depth_noise(
     true = np.where(np.isfinite(depth), depth, 0.0).astype(np.float64)
     if not config.enabled:
         return true.astype(np.float32)
+    for _ in range(config.edge_erosion):
+        left = np.roll(true, 1, axis=1)
+        left[:, 0] = true[:, 0]
+        true = np.where((true > 0) & (left > true * (1 + config.edge_jump)), left, true)
     missing = _unseen(true, camera, rng, config)
     # A pixel measures a little beside its centre; that makes edges ragged.
     offset = np.rint(rng.normal(0.0, config.lateral, (2, *true.shape))).astype(int)
