@@ -1,6 +1,8 @@
 """What a camera sees of an object at many poses: looked up among renders from all sides, or rendered anew."""
 
 import dataclasses
+import threading
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -8,8 +10,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from sum_drake.particles import Particles
-from sum_drake.rendering import Atlas, Surface, see_surface, view_rotations
+from sum_drake.rendering import Atlas, Surface, mesh_arrays, see_surface, view_rotations
 from sum_drake.types import Array
+
+if TYPE_CHECKING:
+    from sum_drake.objects import Catalogue
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,6 +68,31 @@ class Appearance:
         n = len(particles)
         p_CPs = torch.from_numpy(points).view(n, -1, 3) @ R_CVs.transpose(1, 2) + p_CMs[:, None]
         return Shown(p_CPs, None, torch.from_numpy(seen).view(n, -1) * self.atlas.pixel**2)
+
+
+class Appearances:
+    """The appearances of a catalogue's objects, each made when it is first asked for.
+
+    Use it from the thread that made it: VTK renders wrongly elsewhere, which raises RuntimeError here.
+    """
+
+    def __init__(self, catalogue: "Catalogue", render: str) -> None:
+        self.render = render
+        self._catalogue = catalogue
+        self._made: dict[str, Appearance] = {}
+        self._thread = threading.get_ident()
+
+    @property
+    def rendered(self) -> int:
+        """Poses that were rendered so far to see what particles show."""
+        return sum(one.atlas.rendered for one in self._made.values() if one.atlas is not None)
+
+    def __getitem__(self, label: str) -> Appearance:
+        if threading.get_ident() != self._thread:
+            raise RuntimeError("appearances were used outside the thread that made them, where VTK renders wrongly")
+        if label not in self._made:
+            self._made[label] = Appearance(*mesh_arrays(self._catalogue, label), self.render)
+        return self._made[label]
 
 
 def _view_rotations(rays: Tensor) -> Tensor:

@@ -1,6 +1,7 @@
 """Pictures of what was seen and of what is believed of it."""
 
 import colorsys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import cv2
@@ -8,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.geometry import apply, inverse
-from sum_drake.types import Array, Camera, Perception, Track
+from sum_drake.types import Array, Camera, Frame, Perception, Track
 
 if TYPE_CHECKING:
-    from sum_drake.objects import Catalogue
+    from sum_drake.objects import Catalogue, ObjectModel
 
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
@@ -57,6 +58,19 @@ def draw_perception(perception: Perception, catalogue: "Catalogue", *, scale: in
             canvas.axes(X_CO)
     for track in reversed(tracks):
         canvas.tag(track, X_CW @ track.X_WO, label_color(track.label, catalogue), frame.observation)
+    return canvas.image
+
+
+def draw_poses(
+    image: Image, frame: Frame, model: "ObjectModel", poses: Sequence[tuple[Array, Color]], *, scale: int = 2
+) -> Image:
+    """A picture of a frame's size with outlines of an object at poses X_WO (4, 4), enlarged by `scale`."""
+    enlarged = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    canvas = _Canvas(np.asarray(enlarged, np.uint8), frame.camera, scale)
+    mesh = model.load_mesh()
+    for X_WO, color in poses:
+        p_C = apply(inverse(frame.X_WC) @ X_WO, np.asarray(mesh.vertices))
+        canvas.outline(p_C, np.asarray(mesh.faces), color, strong=False)
     return canvas.image
 
 

@@ -5,7 +5,6 @@
 """
 
 import dataclasses
-import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sum_drake.appearance import Appearance, Shown
+from sum_drake.appearance import Appearance, Appearances, Shown
 from sum_drake.filter_config import FilterConfig
 from sum_drake.geometry import rotation_error, rotation_from_quaternion, rotation_from_vector, super_fibonacci
 from sum_drake.likelihood import (
@@ -28,7 +27,7 @@ from sum_drake.likelihood import (
     register,
 )
 from sum_drake.particles import Particles, distinct, join, poses, resampled, to_camera, to_world, turn
-from sum_drake.rendering import DepthRenderer, mesh_arrays
+from sum_drake.rendering import DepthRenderer
 from sum_drake.resampling import systematic
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
 
@@ -65,26 +64,24 @@ class PoseRequest:
 class PoseEstimator:
     """Estimates poses of a catalogue's objects, one box and label at a time; keeps what it rendered of each label.
 
-    Use it from the thread that made it: VTK renders wrongly elsewhere, which raises RuntimeError here.
+    appearances: shared with other estimators of the same catalogue; default: its own. Use it from the thread that made
+    it: VTK renders wrongly elsewhere, which raises RuntimeError here.
     """
 
-    def __init__(self, catalogue: "Catalogue", config: FilterConfig) -> None:
+    def __init__(self, catalogue: "Catalogue", config: FilterConfig, *, appearances: Appearances | None = None) -> None:
         self._catalogue = catalogue
         self._config = config
-        self._models: dict[str, Appearance] = {}
+        self._appearances = Appearances(catalogue, config.render) if appearances is None else appearances
         self._renderer = DepthRenderer(catalogue)
-        self._thread = threading.get_ident()
+
+    @property
+    def renders(self) -> int:
+        """Poses that were rendered so far, those that only made ready for a label aside."""
+        return self._renderer.rendered + self._appearances.rendered
 
     def warm(self, label: str) -> None:
         """Renders what `estimate` will want of a label, which takes a second or two, once."""
-        self._model(label)
-
-    def _model(self, label: str) -> Appearance:
-        if threading.get_ident() != self._thread:
-            raise RuntimeError("a PoseEstimator was used outside the thread that made it, where VTK renders wrongly")
-        if label not in self._models:
-            self._models[label] = Appearance(*mesh_arrays(self._catalogue, label), self._config.render)
-        return self._models[label]
+        self._appearances[label]
 
     def warm_all(self, labels: Sequence[str]) -> None:
         """`warm` for each label."""
@@ -112,7 +109,7 @@ class PoseEstimator:
 
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
-        model = self._model(label)
+        model = self._appearances[label]
         observation = observe(frame, box)
         if observation.n == 0:
             return _nothing_seen(frame, box, model, prior, rng, self._config.particles_last)

@@ -98,10 +98,14 @@ class _Scene:
         self._context = self._graph.CreateDefaultContext()
         self._poses = self._graph.get_source_pose_port(source)
 
+    rendered = 0
+    """Poses that were rendered."""
+
     def depth(self, X_CFs: Array, camera: Camera, near: float, far: float) -> NDArray[np.float32]:
         """z-depth (h, w) of copies posed at (n, 4, 4), n <= copies; 0 where there is nothing."""
         if threading.get_ident() != self._thread:
             raise RuntimeError("a depth renderer was used outside the thread that made it, where VTK renders wrongly")
+        self.rendered += len(X_CFs)
         poses = FramePoseVector()
         behind = RigidTransform([0.0, 0.0, -far])
         for i, frame in enumerate(self._frames):
@@ -130,6 +134,11 @@ class DepthRenderer:
         self._catalogue = catalogue
         self._faces = faces
         self._scenes: dict[str, tuple[_Scene, Array, float]] = {}
+
+    @property
+    def rendered(self) -> int:
+        """Poses that were rendered so far."""
+        return sum(scene.rendered for scene, _, _ in self._scenes.values())
 
     def depth(self, label: str, X_CO: Array, camera: Camera) -> NDArray[np.float32]:
         """z-depth (h, w) in metres of the object at X_CO (4, 4), 0 where it is not seen.
@@ -184,6 +193,11 @@ class Atlas:
         centres = np.stack([*np.meshgrid(corners, corners), np.full((columns, columns), focal)], -1).reshape(-1, 3)
         self._R_AVs = view_rotations(centres)  # (columns^2, 3, 3): the frame V of each tile in the far camera's, A
         self._rays_V = self._tiles(rays) @ self._R_AVs[:, None]  # (columns^2, tile, tile, 3)
+
+    @property
+    def rendered(self) -> int:
+        """Poses that were rendered so far."""
+        return self._scene.rendered
 
     def _tiles(self, image: NDArray[Any]) -> NDArray[Any]:
         n, t = self._columns, self.tile

@@ -10,6 +10,7 @@ from pictures import LABELS, write_cards
 
 from sum_drake.assets import InputError
 from sum_drake.bench import detect
+from sum_drake.bench.aims import format_figures, reached
 from sum_drake.bench.detect import bench_detect
 from sum_drake.bench.detect_figures import (
     AIMS,
@@ -19,9 +20,7 @@ from sum_drake.bench.detect_figures import (
     Measured,
     Proposed,
     figures,
-    format_figures,
     judge,
-    reached,
     rows,
 )
 from sum_drake.bench.detect_report import report_page
@@ -116,10 +115,10 @@ def test_rows_name_what_was_missed_and_what_was_false(measured):
 
 def test_aims_that_are_missed_are_said_to_be(measured):
     found = figures(measured, 0.5)
-    lines = {line.split()[0]: line for line in format_figures(found).splitlines()}
+    lines = {line.split()[0]: line for line in format_figures(found, AIMS).splitlines()}
     assert lines["recall"].endswith("at least 0.9: missed")
     assert lines["cpu_s_per_image"].endswith("at most 1.2: reached")
-    assert not reached("recall", float("nan"))
+    assert not reached(AIMS, "recall", float("nan"))
 
 
 def test_the_page_shows_the_worst_pictures_first(measured, sets):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sum_drake.bench.aims import Aims
 from sum_drake.detection import metrics
 from sum_drake.detection.metrics import FALSE, ScoredImage
 from sum_drake.detection.reliability import box_reliability, label_reliability, object_reliability
@@ -15,7 +16,7 @@ from sum_drake.types import Array, Immutable
 TEST, SHIFT = "test", "shift"
 COUNTS = (1, 2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
 """Numbers of proposals at which their recall is told."""
-AIMS: Mapping[str, tuple[str, float]] = {
+AIMS: Aims = {
     "map50": ("at least", 0.92),
     "map50_shift": ("at least", 0.87),
     "recall": ("at least", 0.90),
@@ -190,27 +191,3 @@ def judge(image: ScoredImage, threshold: float) -> Verdict:
         false=np.flatnonzero(at & (taken == FALSE)).tolist(),
         missed=np.setdiff1d(np.flatnonzero(image.scored), taken[at]).tolist(),
     )
-
-
-def format_figures(found: Mapping[str, float]) -> str:
-    """The figures as aligned text, with what they are to reach."""
-    width = max(map(len, found))
-    lines = []
-    for name, value in found.items():
-        words = aim(name, value)
-        lines.append(f"{name:{width}}  {value:8.3f}" + (f"  {words}" if words else ""))
-    return "\n".join(lines)
-
-
-def aim(name: str, value: float) -> str:
-    """What a figure is to reach, and whether it does."""
-    if name not in AIMS:
-        return ""
-    words, goal = AIMS[name]
-    return f"{words} {goal:g}: {'reached' if reached(name, value) else 'missed'}"
-
-
-def reached(name: str, value: float) -> bool:
-    """Whether a figure of AIMS is where it should be."""
-    words, goal = AIMS[name]
-    return value >= goal if words == "at least" else value <= goal

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake import page
+from sum_drake.bench.aims import aim, reached
 from sum_drake.bench.detect_figures import (
     AIMS,
     COUNTS,
@@ -14,10 +15,8 @@ from sum_drake.bench.detect_figures import (
     Measured,
     Proposed,
     Verdict,
-    aim,
     by_proposer,
     judge,
-    reached,
 )
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import ImageSet
@@ -79,8 +78,8 @@ _LEGEND = (
 
 
 def _figure_row(name: str, value: float) -> tuple[str, str, str]:
-    words = aim(name, value)
-    chip = page.chip(words, "good" if reached(name, value) else "bad") if words else ""
+    words = aim(AIMS, name, value)
+    chip = page.chip(words, "good" if reached(AIMS, name, value) else "bad") if words else ""
     return page.text(name), _share(value), chip
 
 

@@ -34,11 +34,54 @@ def add(commands: Commands) -> None:
     add_parallel(one, "--workers", "processes")
     one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
     add_quiet(one)
+    _add_pose(benches)
+
+
+def _add_pose(benches: Commands) -> None:
+    one = add_command(benches, "pose", _bench_pose, "pose estimates beside other methods", "bench pose --out out/pose")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
+    one.add_argument("--quick", action="store_true", help="a tenth of the scenes, one seed")
+    one.add_argument("--seed", type=int, metavar="S", default=0, help="of scenes and meshes (default: 0)")
+    one.add_argument("--methods", nargs="+", metavar="NAME", help="some of the methods (default: all)")
+    add_catalogue(one)
+    add_parallel(one, "--workers", "processes")
+    one.add_argument("--force", action="store_true", help="start anew in the folder")
+    add_quiet(one)
+
+
+def _bench_pose(options: argparse.Namespace) -> None:
+    from sum_drake.bench.aims import format_figures
+    from sum_drake.bench.pose import FILES, bench_pose
+    from sum_drake.bench.pose_figures import AIMS, METHODS
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    check_count("--seed", options.seed, least=0)
+    check_count("--workers", options.workers)
+    begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
+    if options.force or not begun:
+        check_free(options.out, FILES, force=options.force, what="bench")
+        for name in FILES:
+            (options.out / name).unlink(missing_ok=True)
+    catalogue = load_catalogue(options.catalogue)
+    require_rendering()
+    found = bench_pose(
+        options.out,
+        catalogue,
+        quick=options.quick,
+        seed=options.seed,
+        methods=options.methods or METHODS,
+        workers=options.workers,
+        progress=Counting(quiet=options.quiet),
+    )
+    print(format_figures(found, AIMS))
+    print(options.out / "report.html")
 
 
 def _bench_detect(options: argparse.Namespace) -> None:
+    from sum_drake.bench.aims import format_figures
     from sum_drake.bench.detect import FILES, bench_detect
-    from sum_drake.bench.detect_figures import format_figures
+    from sum_drake.bench.detect_figures import AIMS
     from sum_drake.doctor import require_rendering
     from sum_drake.objects import load_catalogue
 
@@ -60,5 +103,5 @@ def _bench_detect(options: argparse.Namespace) -> None:
         workers=options.workers,
         progress=Counting(quiet=options.quiet),
     )
-    print(format_figures(found))
+    print(format_figures(found, AIMS))
     print(options.out / "report.html")

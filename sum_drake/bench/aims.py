@@ -1,0 +1,30 @@
+"""What a bench's figures are to reach, and whether they do."""
+
+from collections.abc import Mapping
+
+Aims = Mapping[str, tuple[str, float]]
+"""Name of a figure -> "at least" or "at most", and a number."""
+
+
+def aim(aims: Aims, name: str, value: float) -> str:
+    """What a figure is to reach, and whether it does; empty where nothing is asked of it."""
+    if name not in aims:
+        return ""
+    words, goal = aims[name]
+    return f"{words} {goal:g}: {'reached' if reached(aims, name, value) else 'missed'}"
+
+
+def reached(aims: Aims, name: str, value: float) -> bool:
+    """Whether a figure that something is asked of is where it should be."""
+    words, goal = aims[name]
+    return value >= goal if words == "at least" else value <= goal
+
+
+def format_figures(found: Mapping[str, float], aims: Aims) -> str:
+    """The figures as aligned text, with what they are to reach."""
+    width = max(map(len, found), default=0)
+    lines = []
+    for name, value in found.items():
+        words = aim(aims, name, value)
+        lines.append(f"{name:{width}}  {value:8.3f}" + (f"  {words}" if words else ""))
+    return "\n".join(lines)

@@ -1,0 +1,239 @@
+"""`sum-drake bench pose`: how near the estimates of an object's pose come, and at what cost, beside other methods.
+
+The scenes are described in `bench.pose_scenes`; those of the bench are not among those that anything was tuned on. What
+is done is kept in rows.jsonl as it grows: called again with the same settings, the bench goes on.
+"""
+
+import dataclasses
+import functools
+import json
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sum_drake.appearance import Appearances
+from sum_drake.assets import InputError, one_line
+from sum_drake.bench.pose_figures import METHODS, PoseRow, errors, figures
+from sum_drake.bench.pose_report import report_page
+from sum_drake.bench.pose_scenes import Instance, PoseScene, other_meshes, pose_scene
+from sum_drake.bench.results import write_results
+from sum_drake.existence import track_probability
+from sum_drake.files import write_whole
+from sum_drake.filter_config import FilterConfig, filter_config
+from sum_drake.filtering import PoseEstimator
+from sum_drake.objects import Catalogue, load_catalogue
+from sum_drake.registration import FpfhConfig, FpfhEstimator
+from sum_drake.rendering import DepthRenderer
+from sum_drake.types import Array
+from sum_drake.workers import ignore_interrupts, one_thread_each
+
+FILES = ("results.json", "report.html", "rows.jsonl")
+SCENES, QUICK_SCENES = 40, 4
+SEEDS, QUICK_SEEDS = 2, 1
+"""Estimates of each instance, from seeds of their own."""
+FIRST_SCENE = 1000
+"""Scenes before are for tuning."""
+WRONG = 1e3
+"""Errors of a method that gives no estimate, metres and degrees."""
+Progress = Callable[[str, int, int], None]
+
+
+def filter_configs() -> dict[str, FilterConfig]:
+    """The filters that are compared."""
+    default = filter_config("default")
+    return {
+        "paper": filter_config("paper"),
+        "default": default,
+        "default_no_registration": dataclasses.replace(default, warmup=0, registered=0.0, candidates=0),
+        "fast": dataclasses.replace(default, particles=800, iterations=5, candidates=4),
+    }
+
+
+def bench_pose(
+    out: Path,
+    catalogue: Catalogue,
+    *,
+    quick: bool = False,
+    seed: int = 0,
+    methods: Sequence[str] = METHODS,
+    workers: int = 2,
+    progress: Progress = lambda what, done, total: None,
+) -> dict[str, float]:
+    """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
+
+    Raises InputError for a method that is unknown or cannot run here, and for rows of other settings in `out`.
+    """
+    start = time.monotonic()
+    unknown = [name for name in methods if name not in METHODS]
+    if unknown:
+        raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(METHODS)}")
+    if any(name.startswith("fpfh") for name in methods):
+        FpfhEstimator(catalogue, FpfhConfig()).warm(catalogue.labels[0])  # refused here rather than in a worker
+    settings = {"quick": quick, "seed": seed, "catalogue": str(catalogue.path)}
+    scenes = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + (QUICK_SCENES if quick else SCENES))
+    log = _Log(out, settings)
+    tasks = [(scene, method) for scene in scenes for method in methods if (scene, method) not in log.done]
+    with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
+        other_meshes(catalogue, Path(scratch), seed)
+        measure = functools.partial(_measure, catalogue.path, Path(scratch), seed, QUICK_SEEDS if quick else SEEDS)
+        progress("measuring", len(scenes) * len(methods) - len(tasks), len(scenes) * len(methods))
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, context, ignore_interrupts) as pool:
+            with one_thread_each():
+                futures = {pool.submit(measure, *task): task for task in tasks}
+            for future in as_completed(futures):
+                log.add(*futures[future], future.result())
+                progress("measuring", len(log.done), len(scenes) * len(methods))
+        rows = [row for row in log.rows if row.method in methods]
+        rows.sort(key=lambda row: (METHODS.index(row.method), row.scene, row.label, row.seed))
+        found = figures(rows)
+        html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue)
+    write_results(
+        out,
+        "pose",
+        quick=quick,
+        settings=settings | {"scenes": len(scenes), "methods": list(methods), "wall_s": time.monotonic() - start},
+        seeds={"scenes": scenes.start, "meshes": seed},
+        figures=found,
+        rows=[{"table": "estimate", **dataclasses.asdict(row)} for row in rows],
+    )
+    write_whole(out / "report.html", html)
+    return found
+
+
+def _scene_again(catalogue: Catalogue, seed: int) -> PoseScene:
+    return pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), seed)
+
+
+class _Log:
+    """rows.jsonl: settings in the first line, then one line for each scene and method that are done."""
+
+    def __init__(self, out: Path, settings: Mapping[str, Any]) -> None:
+        self._path = out / "rows.jsonl"
+        self.rows: list[PoseRow] = []
+        self.done: set[tuple[int, str]] = set()
+        out.mkdir(parents=True, exist_ok=True)
+        lines = self._path.read_text().splitlines() if self._path.is_file() else []
+        if not lines:
+            self._path.write_text(json.dumps(settings) + "\n")
+            return
+        try:
+            if json.loads(lines[0]) != settings:
+                raise InputError(f"{self._path}: is of other settings; expected a new --out")
+            for line in lines[1:]:
+                entry = json.loads(line)
+                self._keep(entry["scene"], entry["method"], [PoseRow(**row) for row in entry["rows"]])
+        except (json.JSONDecodeError, KeyError, TypeError) as error:
+            raise InputError(f"{self._path}: {one_line(error)}; expected rows of this bench, or a new --out") from error
+
+    def add(self, scene: int, method: str, rows: list[PoseRow]) -> None:
+        """What was measured of a scene by a method."""
+        entry = {"scene": scene, "method": method, "rows": [dataclasses.asdict(row) for row in rows]}
+        with self._path.open("a") as file:
+            file.write(json.dumps(entry) + "\n")
+        self._keep(scene, method, rows)
+
+    def _keep(self, scene: int, method: str, rows: list[PoseRow]) -> None:
+        self.rows += rows
+        self.done.add((scene, method))
+
+
+# Measuring, in processes of their own.
+
+Answer = tuple[Array | None, float, int]
+"""X_WO (4, 4), the probability that it is right, and how many pictures were rendered."""
+
+
+class _Worker:
+    """One process's scenes and estimators."""
+
+    def __init__(self, catalogue: Path, scratch: Path, seed: int) -> None:
+        self.catalogue = load_catalogue(catalogue)
+        self._told = other_meshes(self.catalogue, scratch, seed)
+        self._renderer = DepthRenderer(self.catalogue, faces=20_000)
+        self._appearances: dict[str, Appearances] = {}
+        self.scene = functools.lru_cache(maxsize=2)(self._scene)
+        self.method = functools.cache(self._method)
+
+    def _scene(self, seed: int) -> PoseScene:
+        return pose_scene(self.catalogue, self._renderer, seed)
+
+    def _method(self, name: str) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
+        if name.startswith("fpfh"):
+            return self._fpfh(FpfhEstimator(self._told, FpfhConfig(refine=name == "fpfh_icp")))
+        config = filter_configs()[name]
+        appearances = self._appearances.setdefault(config.render, Appearances(self._told, config.render))
+        return self._filter(PoseEstimator(self._told, config, appearances=appearances))
+
+    @staticmethod
+    def _filter(estimator: PoseEstimator) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
+        def estimate(scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
+            before = estimator.renders
+            found = estimator.estimate(scene.frame, instance.box, instance.label, rng=np.random.default_rng(entropy))
+            # As if a detector had been rather sure of the label.
+            return found.X_WO, track_probability(0.9, 0.9, found.likelihood), estimator.renders - before
+
+        return estimate
+
+    @staticmethod
+    def _fpfh(estimator: FpfhEstimator) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
+        def estimate(scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
+            seed = int(np.random.default_rng(entropy).integers(2**31))
+            return estimator.estimate(scene.frame, instance.box, instance.label, seed=seed), float("nan"), 0
+
+        return estimate
+
+    def warm(self, method: str, label: str) -> None:
+        """What is made once for each label is no part of an estimate's cost."""
+        if method.startswith("fpfh"):
+            return
+        render = filter_configs()[method].render
+        self._appearances.setdefault(render, Appearances(self._told, render))[label]
+
+
+@functools.lru_cache(maxsize=1)
+def _worker(catalogue: Path, scratch: Path, seed: int) -> _Worker:
+    import torch
+
+    torch.set_num_threads(1)
+    return _Worker(catalogue, scratch, seed)
+
+
+def _measure(catalogue: Path, scratch: Path, seed: int, seeds: int, scene_seed: int, method: str) -> list[PoseRow]:
+    worker = _worker(catalogue, scratch, seed)
+    scene, estimate = worker.scene(scene_seed), worker.method(method)
+    rows = []
+    for i, instance in enumerate(scene.instances):
+        worker.warm(method, instance.label)
+        for k in range(seeds):
+            begun = time.process_time()
+            X_WO, probability, renders = estimate(scene, instance, [scene_seed, i, k])
+            cpu_s = time.process_time() - begun
+            model = worker.catalogue[instance.label]
+            shift, angle, raw, distance = (WRONG,) * 4 if X_WO is None else errors(model, X_WO, instance.X_WO)
+            rows.append(
+                PoseRow(
+                    method=method,
+                    scene=scene_seed,
+                    label=instance.label,
+                    seed=k,
+                    sensor=scene.sensor,
+                    visible_share=instance.visible_share,
+                    wrong_box=instance.wrong_box,
+                    translation_m=shift,
+                    rotation_deg=angle,
+                    raw_rotation_deg=raw,
+                    adds_m=distance,
+                    probability=probability,
+                    cpu_s=cpu_s,
+                    renders=renders,
+                    X_WO=[] if X_WO is None else X_WO.tolist(),
+                )
+            )
+    return rows

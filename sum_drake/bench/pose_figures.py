@@ -1,0 +1,118 @@
+"""What `sum-drake bench pose` makes of what it measured: figures, and the curves of the paper's plots."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from sum_drake.bench.aims import Aims
+from sum_drake.geometry import apply, pose_error, symmetry_group
+from sum_drake.objects import ObjectModel, sample_surface
+from sum_drake.types import Array
+
+METHODS = ("paper", "default", "default_no_registration", "fast", "fpfh", "fpfh_icp")
+BOUNDS = {"1cm_10deg": (0.01, 10.0), "2cm_20deg": (0.02, 20.0), "5cm_30deg": (0.05, 30.0)}
+"""Metres and degrees."""
+LOW_VISIBILITY = 0.7
+"""Instances of which less is visible."""
+AUC_LIMIT = 0.1
+"""ADD-S at which an estimate is worth nothing, metres (Xiang et al., "PoseCNN", 2018)."""
+PAPER_BOUNDS = (0.01, 0.05, 0.10, 0.20)
+"""Translation bounds of the paper's four plots, metres."""
+AIMS: Aims = {
+    "default.within_2cm_20deg": ("at least", 0.90),
+    "default.within_2cm_20deg_low_visibility": ("at least", 0.70),
+    "default.within_1cm_10deg": ("at least", 0.85),
+    "default.cpu_s_per_object": ("at most", 1.0),
+}
+"""What the figures are to reach."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PoseRow:
+    """One estimate of one instance."""
+
+    method: str
+    scene: int
+    label: str
+    seed: int
+    sensor: str
+    visible_share: float
+    wrong_box: bool
+    translation_m: float
+    rotation_deg: float
+    """Smallest over the object's symmetry group."""
+    raw_rotation_deg: float
+    """Of the two orientations as they are."""
+    adds_m: float
+    """Mean distance of the true surface's points to the nearest of the estimate's."""
+    probability: float
+    """Of the estimate; nan where the method gives none."""
+    cpu_s: float
+    renders: int
+    """Poses that were rendered."""
+    X_WO: list[list[float]]
+    """The estimate, 4 x 4; empty where there is none."""
+
+
+def adds(model: ObjectModel, X_WA: Array, X_WB: Array, points: int = 1000) -> float:
+    """ADD-S of two poses, metres: mean distance of points of the surface at A to the nearest at B (Hinterstoisser)."""
+    from scipy.spatial import cKDTree
+
+    p_OQs, _ = sample_surface(model, points, np.random.default_rng(0))
+    distance, _ = cKDTree(apply(X_WB, p_OQs)).query(apply(X_WA, p_OQs))
+    return float(distance.mean())
+
+
+def errors(model: ObjectModel, X_WO: Array, X_true: Array) -> tuple[float, float, float, float]:
+    """Translation, metres; rotation and raw rotation, degrees; ADD-S, metres."""
+    shift, angle = pose_error(X_WO, X_true, model.symmetry)
+    _, raw = pose_error(X_WO, X_true, symmetry_group("none"))
+    return float(shift), float(np.degrees(angle)), float(np.degrees(raw)), adds(model, X_true, X_WO)
+
+
+def figures(rows: Sequence[PoseRow]) -> dict[str, float]:
+    """METHOD.NAME -> value. Shares are of the instances in a box of their own; nan where there are none."""
+    found: dict[str, float] = {}
+    for method in dict.fromkeys(row.method for row in rows):
+        own = [row for row in rows if row.method == method and not row.wrong_box]
+        hidden = [row for row in own if row.visible_share < LOW_VISIBILITY]
+        for name, bounds in BOUNDS.items():
+            found[f"{method}.within_{name}"] = within(own, *bounds)
+            found[f"{method}.raw_within_{name}"] = within(own, *bounds, raw=True)
+        found[f"{method}.within_2cm_20deg_low_visibility"] = within(hidden, *BOUNDS["2cm_20deg"])
+        for sensor in sorted({row.sensor for row in own}):
+            of = [row for row in own if row.sensor == sensor]
+            found[f"{method}.within_2cm_20deg_{sensor}"] = within(of, *BOUNDS["2cm_20deg"])
+        found[f"{method}.adds_auc"] = _mean([max(0.0, 1 - row.adds_m / AUC_LIMIT) for row in own])
+        found[f"{method}.adds_within_1cm"] = _mean([row.adds_m < 0.01 for row in own])
+        found[f"{method}.median_translation_m"] = _median([row.translation_m for row in own])
+        found[f"{method}.median_rotation_deg"] = _median([row.rotation_deg for row in own])
+        found[f"{method}.cpu_s_per_object"] = _mean([row.cpu_s for row in own])
+        found[f"{method}.renders_per_object"] = _mean([row.renders for row in own])
+        wrong = [row.probability for row in rows if row.method == method and row.wrong_box]
+        if own and np.isfinite(own[0].probability):
+            found[f"{method}.mean_probability_in_wrong_boxes"] = _mean(wrong)
+    return found
+
+
+def within(rows: Sequence[PoseRow], metres: float, degrees: float, *, raw: bool = False) -> float:
+    """Share of estimates with both errors below a bound."""
+    return _mean(
+        [row.translation_m < metres and (row.raw_rotation_deg if raw else row.rotation_deg) < degrees for row in rows]
+    )
+
+
+def curve(rows: Sequence[PoseRow], metres: float, degrees: Array) -> Array:
+    """Share (n,) of a method's estimates within a translation bound and rotation bounds (n,): the paper's figure 5."""
+    own = [row for row in rows if not row.wrong_box]
+    near = np.array([row.rotation_deg if row.translation_m < metres else np.inf for row in own])
+    return np.array([float(np.mean(near < bound)) if len(near) else np.nan for bound in degrees])
+
+
+def _mean(values: Sequence[float]) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
