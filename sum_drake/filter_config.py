@@ -21,8 +21,10 @@ class FilterConfig:
     """"surface": particles begin with a point of theirs on one that was observed in the box, turned evenly all ways;
     "uniform": anywhere on the rays of the box within the observed depths, turned at random."""
     score: str = "difference"
-    """What particles are weighted by. "difference": (I - F) / N, inliers less points in observed free space; the
-    estimate then gets `likelihood.confidence`. "inliers": I / N, eq. 8, for both."""
+    """What particles are weighted by. "difference": `likelihood.log_likelihood`, of inliers, points in observed free
+    space and the box's sides; the estimate then gets `likelihood.confidence`. "inliers": I / N, eq. 8, for both."""
+    support: bool = True
+    """Whether the plane around the box, if there is one, is taken for what the object stands on."""
     particles: int = 2500
     """At the start."""
     particles_last: int = 250
@@ -55,10 +57,8 @@ class FilterConfig:
     """The same, last iteration."""
     effective_share: float = 0.15
     """Weights are raised to the power at which their effective sample size is this share of the particles; 0: as is."""
-    candidates: int = 8
+    candidates: int = 16
     """Modes that are turned, registered and compared by exact renders at the end; 0: the best particle is taken."""
-    sharpness: float = 60.0
-    """Of the posterior that the belief is drawn from: it is proportional to exp(sharpness * likelihood)."""
     w_place: float = 0.8
     """w1 of eq. 10: probability that a pick and place did what it should. The paper leaves it open."""
     sigma_place: float = 0.04
@@ -95,6 +95,7 @@ def filter_config(name: str = "default") -> FilterConfig:
             render="each",
             start="uniform",
             score="inliers",
+            support=False,
             particles=625,
             particles_last=625,
             iterations=25,

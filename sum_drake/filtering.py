@@ -14,25 +14,36 @@ from torch import Tensor
 
 from sum_drake.appearance import Appearance, Appearances, Shown
 from sum_drake.filter_config import FilterConfig
-from sum_drake.geometry import rotation_error, rotation_from_quaternion, rotation_from_vector, super_fibonacci
+from sum_drake.geometry import (
+    rotation_error,
+    rotation_from_quaternion,
+    rotation_from_vector,
+    super_fibonacci,
+)
 from sum_drake.likelihood import (
     Counts,
     Observation,
     confidence,
     count,
-    likelihood,
+    log_likelihood,
     observe,
     paper_likelihood,
     pixel_rays,
     register,
 )
-from sum_drake.particles import Particles, distinct, join, poses, resampled, to_camera, to_world, turn
+from sum_drake.modes import distinct, expected_hits, near_share, tempered
+from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
 from sum_drake.rendering import DepthRenderer
 from sum_drake.resampling import systematic
+from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
+
+
+ON_PLANE = 0.008
+"""Observed points that are so near the support belong to it, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -46,7 +57,8 @@ class PoseEstimate(Immutable):
     """Of the best pose, in [0, 1]; 0 where there was nothing to see."""
     features: tuple[tuple[str, float], ...]
     """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (of the
-    belief, as a share), translation_std_m, rotation_std_rad, runner_up (likelihood of the best pose that differs)."""
+    belief, as a share), translation_std_m, rotation_std_rad, right_pose (share of the belief within 2 cm and 20 degrees
+    of the estimate)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -110,7 +122,8 @@ class PoseEstimator:
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
         model = self._appearances[label]
-        observation = observe(frame, box)
+        plane = support_plane(frame, box, rng, tolerance=ON_PLANE) if self._config.support else None
+        observation = observe(frame, box, plane=plane, tolerance=ON_PLANE)
         if observation.n == 0:
             return _nothing_seen(frame, box, model, prior, rng, self._config.particles_last)
         config = self._config
@@ -168,7 +181,7 @@ class PoseEstimator:
             epsilon = _fall(config.epsilon_first, config.epsilon, share)
             if i > 0:
                 n = round(_fall(count_first, config.particles_last, i / max(iterations - 1, 1)))
-                weights = _weights(scores, config.effective_share)
+                weights = tempered(scores, config.effective_share)
                 best = particles[scores.argmax()[None]]
                 particles = resampled(particles, weights.double().numpy(), n, rng)
                 particles = self._moved(observation, model, particles, share, epsilon, rng)
@@ -206,9 +219,10 @@ class PoseEstimator:
         return turned
 
     def _score(self, observation: Observation, shown: Shown, epsilon: float) -> Tensor:
+        """Log-likelihood of what is shown, (n,)."""
         if self._config.score == "inliers":
-            return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n)
-        return likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=True), observation.n)
+            return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log()
+        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=True), observation)
 
     def _conclude(
         self,
@@ -224,7 +238,7 @@ class PoseEstimator:
         symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
             # As published: the weighted particles are the belief, the most likely one the estimate.
-            best, weights, runner_up = particles[scores.argmax()[None]], _weights(scores, 0.0), 0.0
+            best, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
             counts = self._exact(observation, label, model, best)
         else:
             modes = distinct(particles, scores, config.candidates)
@@ -237,13 +251,12 @@ class PoseEstimator:
             rough = self._score(observation, model.show(candidates), config.epsilon)
             modes = distinct(candidates, rough, config.candidates)
             counts = self._exact(observation, label, model, modes)
-            exact = likelihood(counts, observation.n)
-            order = exact.argsort(descending=True, stable=True)
-            modes, exact = modes[order], exact[order]
-            counts = Counts(*(getattr(counts, f.name)[order] for f in dataclasses.fields(counts)))
-            best = modes[:1]
-            runner_up = float(exact[1]) if len(exact) > 1 else 0.0
+            exact = log_likelihood(counts, observation)
             particles, weights = self._posterior(observation, model, modes, exact, rng)
+            shares = torch.softmax(exact, 0).double().numpy()
+            chosen = int(expected_hits(poses(modes, model.p_OM), shares, symmetry).argmax())
+            best = modes[chosen : chosen + 1]
+            counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
         value = (paper_likelihood if config.score == "inliers" else confidence)(counts, observation.n)
         X_WOs = to_world(particles, frame, model.p_OM)
         X_WO = to_world(best, frame, model.p_OM)[0]
@@ -260,7 +273,7 @@ class PoseEstimator:
             "effective_sample_size": float(1.0 / (p @ p) / len(p)),
             "translation_std_m": float(shift),
             "rotation_std_rad": float(angle),
-            "runner_up": runner_up,
+            "right_pose": near_share(X_WO, X_WOs, p, symmetry),
         }
         return PoseEstimate(
             PoseBelief(readonly(X_WOs), readonly(p)),
@@ -281,13 +294,13 @@ class PoseEstimator:
             p_CPs = (rays[seen] * depth[seen, None])[None]
             areas = (depth[seen] ** 2 / (camera.fx * camera.fy))[None]
             c = count(observation, p_CPs, areas, self._config.epsilon)
-            rows.append(torch.stack([c.inliers[0], c.free_space[0], c.occluded[0], c.rendered[0]]))
-        return Counts(*torch.stack(rows).unbind(-1))
+            rows.append(c)
+        return Counts(*(torch.cat([getattr(c, f.name) for c in rows]) for f in dataclasses.fields(Counts)))
 
     def _posterior(
         self, observation: Observation, model: Appearance, modes: Particles, exact: Tensor, rng: np.random.Generator
     ) -> tuple[Particles, Tensor]:
-        """Weighted particles of the posterior, proportional to exp(sharpness * likelihood), around the modes.
+        """Weighted particles of the posterior around the modes, whose log-likelihoods are `exact` (m,).
 
         Registration makes an optimiser of the filter, whose particles say nothing of how sure it is. So the belief is
         drawn anew, by importance sampling from a mixture of Gaussians about the modes.
@@ -295,19 +308,19 @@ class PoseEstimator:
         config = self._config
         n = config.particles_last
         sigma_p, sigma_R = 3 * config.noise_translation, 2 * config.noise_rotation
-        shares = torch.softmax(config.sharpness * (exact - exact.max()), 0) * 0.8 + 0.2 / len(exact)
+        shares = torch.softmax(exact, 0) * 0.8 + 0.2 / len(exact)
         chosen = torch.from_numpy(systematic(shares.double().numpy(), n, rng.random()))
         noise_p = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_p
         noise_R = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_R
         # The mode itself stays among the particles.
         noise_p[0] = noise_R[0] = 0
         drawn = turn(modes[chosen], noise_R, noise_p)
-        score = likelihood(count(observation, *_points(model.show(drawn)), config.epsilon), observation.n)
+        score = log_likelihood(count(observation, *_points(model.show(drawn)), config.epsilon), observation)
         shift = (drawn.p_CMs[:, None] - modes.p_CMs).norm(dim=-1) / sigma_p  # (n, modes)
         cosine = (torch.einsum("nij,mij->nm", drawn.R_COs, modes.R_COs) - 1) / 2
         angle = torch.arccos(cosine.clamp(-1, 1)) / sigma_R
         log_q = torch.logsumexp(shares.log() - (shift**2 + angle**2) / 2, dim=1)
-        return drawn, torch.softmax(config.sharpness * score - log_q, 0)
+        return drawn, torch.softmax(score - log_q, 0)
 
 
 def _about_axes(*angles: float) -> Tensor:
@@ -339,25 +352,6 @@ def _registered(observation: Observation, model: Appearance, particles: Particle
     return turn(particles, *register(observation, shown.p_CPs, shown.normals_C, particles.p_CMs, reach))
 
 
-def _weights(scores: Tensor, effective_share: float) -> Tensor:
-    """Normalised weights (n,): the scores, raised to the power that gives the effective sample size asked for."""
-    s = scores.double()
-    if float(s.max()) <= 0:
-        return torch.full_like(s, 1.0 / len(s))
-    if effective_share <= 0:
-        return s / s.sum()
-    logs = (s / s.max()).clamp(min=1e-12).log()
-    low, high = 0.0, 1000.0
-    for _ in range(30):
-        power = (low + high) / 2
-        w = torch.softmax(power * logs, 0)
-        if 1.0 / float((w * w).sum()) > effective_share * len(w):
-            low = power
-        else:
-            high = power
-    return torch.softmax(low * logs, 0)
-
-
 def _nothing_seen(
     frame: Frame, box: Box, model: Appearance, prior: PoseBelief | None, rng: np.random.Generator, n: int
 ) -> PoseEstimate:
@@ -378,6 +372,6 @@ def _nothing_seen(
         *((name, 0.0) for name in names),
         ("translation_std_m", float(np.linalg.norm(spread))),
         ("rotation_std_rad", float(np.pi)),
-        ("runner_up", 0.0),
+        ("right_pose", 0.0),
     )
     return PoseEstimate(belief, readonly(best), 0.0, features)

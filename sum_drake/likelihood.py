@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from sum_drake.support import Plane
 from sum_drake.types import Box, Camera, Frame, Immutable
 
 
@@ -26,17 +27,34 @@ class Observation(Immutable):
     depth: Tensor
     """(h, w) float32, metres; 0 where nothing was measured."""
     in_box: Tensor
-    """(h, w) bool."""
+    """(h, w) bool: in the box, and not of the plane that the object stands on."""
     at_edge: Tensor
     """(h, w) bool: the depth jumps in the 3 x 3 pixels around, so that neither side of the jump can be trusted."""
+    support: Tensor
+    """(h, w) bool: of that plane."""
+    beyond: Tensor
+    """(h, w) bool: farther from the box than a detector's is off."""
+    box: Box
+    """In pixels of the crop."""
     n: int
-    """N: observed points in the box."""
+    """N: observed points in the box, those of the plane aside."""
+    plane: Plane | None = None
 
 
-def observe(frame: Frame, box: Box, *, margin: float = 1.0, jump: float = 0.02) -> Observation:
+def observe(
+    frame: Frame,
+    box: Box,
+    *,
+    margin: float = 1.0,
+    jump: float = 0.02,
+    plane: Plane | None = None,
+    tolerance: float = 0.0,
+) -> Observation:
     """The crop of a frame that reaches `margin` times the box's size beyond its sides.
 
-    `jump` is the difference in depth, metres, that makes an edge. A box that covers no pixel gives N = 0.
+    `jump` is the difference in depth, metres, that makes an edge. `plane`: what the object stands on; what was observed
+    within `tolerance` metres of it is nothing to be explained, unless that is all there is. A box that covers no pixel
+    gives N = 0.
     """
     x, y, w, h = box
     left, top = max(0, int(np.floor(x - margin * w))), max(0, int(np.floor(y - margin * h)))
@@ -48,16 +66,37 @@ def observe(frame: Frame, box: Box, *, margin: float = 1.0, jump: float = 0.02) 
         left, top, depth = 0, 0, np.zeros((1, 1), dtype=np.float32)
     u, v = np.meshgrid(np.arange(depth.shape[1]) + left, np.arange(depth.shape[0]) + top)
     in_box = (x <= u) & (u < x + w) & (y <= v) & (v < y + h)
+    valid = in_box & (depth > 0)
+    support = np.zeros_like(in_box)
     camera = dataclasses.replace(
         frame.camera, width=depth.shape[1], height=depth.shape[0], cx=frame.camera.cx - left, cy=frame.camera.cy - top
     )
+    if plane is not None:
+        x_n, y_n = (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
+        a, b, c = plane.normal_C
+        height = depth * (a * x_n[None, :] + b * y_n[:, None] + c) + plane.offset
+        support = (depth > 0) & (np.abs(height) < tolerance)
+        if np.count_nonzero(valid & ~support) < LEAST_LEFT * np.count_nonzero(valid):
+            support, plane = np.zeros_like(in_box), None
     return Observation(
         camera,
         torch.from_numpy(depth),
-        torch.from_numpy(in_box),
+        torch.from_numpy(in_box & ~support),
         torch.from_numpy(_edges(depth, jump)),
-        int((in_box & (depth > 0)).sum()),
+        torch.from_numpy(support),
+        torch.from_numpy(
+            (np.maximum(x - u, u - x - w) > SIDE_ERROR * w) | (np.maximum(y - v, v - y - h) > SIDE_ERROR * h)
+        ),
+        (x - left, y - top, w, h),
+        int(np.count_nonzero(valid & ~support)),
+        plane,
     )
+
+
+LEAST_LEFT = 0.1
+"""Where less of a box than this is left without the plane, the object lies in it: a lid, a sheet."""
+SUNK = 0.01
+"""Points that lie deeper than this under the plane cannot be, metres."""
 
 
 def _edges(depth: NDArray[np.float32], jump: float) -> NDArray[np.bool_]:
@@ -85,6 +124,8 @@ class Counts:
     """Behind what was observed."""
     rendered: Tensor
     """R: all that fall on a pixel with an observation."""
+    sides: Tensor
+    """(n, 4): left, top, right and bottom of what was matched, in or about the box; infinite where nothing was."""
 
 
 def _look_up(observation: Observation, p_CPs: Tensor) -> tuple[Tensor, Tensor]:
@@ -119,11 +160,29 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     match = pixels * near * observation.in_box.view(-1)[index]
     if soft:
         match = match * (1 - (gap / epsilon) ** 2)
+    impossible = (gap <= -epsilon) & ~observation.at_edge.view(-1)[index]
+    # What is seen of an object is in its box.
+    impossible = impossible | (near & (observation.beyond & ~observation.support).view(-1)[index])
+    if observation.plane is not None:
+        normal = torch.tensor(observation.plane.normal_C, dtype=p_CPs.dtype)
+        impossible = impossible | ((p_CPs @ normal + observation.plane.offset < -SUNK) & ~near)
+    shown = near & (pixels > 0) & ~(observation.beyond | observation.support).view(-1)[index]
+    column, row = (index % camera.width).to(p_CPs.dtype), (index // camera.width).to(p_CPs.dtype)
+    infinite = torch.tensor(torch.inf, dtype=p_CPs.dtype)
     return Counts(
         match.sum(-1),
-        (pixels * ((gap <= -epsilon) & ~observation.at_edge.view(-1)[index])).sum(-1),
+        (pixels * impossible).sum(-1),
         (pixels * (gap >= epsilon)).sum(-1),
         pixels.sum(-1),
+        torch.stack(
+            [
+                torch.where(shown, column, infinite).amin(-1),
+                torch.where(shown, row, infinite).amin(-1),
+                torch.where(shown, column + 1, -infinite).amax(-1),
+                torch.where(shown, row + 1, -infinite).amax(-1),
+            ],
+            -1,
+        ),
     )
 
 
@@ -132,9 +191,25 @@ def paper_likelihood(counts: Counts, n: int) -> Tensor:
     return counts.inliers / max(n, 1)
 
 
-def likelihood(counts: Counts, n: int) -> Tensor:
-    """(I - F) / N, cut at 0: what is explained, less what is contradicted; hidden points count neither way."""
-    return ((counts.inliers - counts.free_space) / max(n, 1)).clamp(min=0)
+INLIER, FREE, SIDE = 7.6, 15.0, 1.1
+"""Weights of the log-likelihood. Pixels are no independent witnesses, so what a box full of them says was measured: a
+conditional logit over the rival modes of poured scenes."""
+SIDE_ERROR, SIDE_CAP = 0.15, 4.0
+"""Standard deviation of a side of a box, as a share of its size, and the most that one side can say."""
+
+
+def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
+    """log p(z, b | q) up to a constant, (n,): what is explained of the box, what is contradicted, and the box's sides.
+
+    Hidden points count neither way. Each side of the box should be where what is seen of the object ends, give or take
+    a detector's error; a side that is far off says no more than that the box is wrong.
+    """
+    n = max(observation.n, 1)
+    x, y, w, h = observation.box
+    box = torch.tensor([x, y, x + w, y + h], dtype=counts.sides.dtype)
+    size = torch.tensor([w, h, w, h], dtype=counts.sides.dtype).clamp(min=1.0)
+    off = ((counts.sides - box) / (size * SIDE_ERROR)) ** 2 / 2
+    return INLIER * counts.inliers / n - FREE * counts.free_space / n - SIDE * off.clamp(max=SIDE_CAP).sum(-1)
 
 
 def confidence(counts: Counts, n: int) -> Tensor:
@@ -165,7 +240,8 @@ def register(
     gap = (normals_C * p_CPs).sum(-1) * (ratio - 1)  # distance of the observed point from the tangent plane
     distance = z_observed - z
     weight = (1 - (distance / reach) ** 2).clamp(min=0) ** 2
-    weight = weight * (inside & (z_observed > 0) & ~observation.at_edge.view(-1)[index])
+    telling = ~(observation.at_edge | observation.support)
+    weight = weight * (inside & (z_observed > 0) & telling.view(-1)[index])
     (x, y, w), (a, b, c) = p_MQs.unbind(-1), normals_C.unbind(-1)
     J = torch.stack([y * c - w * b, w * a - x * c, x * b - y * a, a, b, c], dim=-1)  # (n, k, 6): p x n, n
     weighted = J * weight[..., None]

@@ -47,22 +47,6 @@ def resampled(particles: Particles, weights: Array, n: int, rng: np.random.Gener
     return particles[torch.from_numpy(rng.permutation(systematic(weights, n, rng.random())))]
 
 
-def distinct(particles: Particles, scores: Tensor, limit: int) -> Particles:
-    """The best particles that differ by over 1 cm or 10 degrees from each better one, at most `limit`."""
-    order = scores.argsort(descending=True, stable=True)[:400]
-    left = particles[order]
-    chosen: list[int] = []
-    free = np.ones(len(order), dtype=bool)
-    while len(chosen) < limit and free.any():
-        i = int(free.argmax())
-        chosen.append(i)
-        near = (left.p_CMs - left.p_CMs[i]).norm(dim=-1) < 0.01
-        aligned = (torch.einsum("nij,ij->n", left.R_COs, left.R_COs[i]) - 1) / 2 > np.cos(np.deg2rad(10))
-        free &= ~(near & aligned).numpy()
-        free[i] = False
-    return left[torch.tensor(chosen)]
-
-
 def poses(particles: Particles, p_OM: Array) -> Array:
     """X_COs (n, 4, 4) of an object whose middle is at p_OM (3,)."""
     R_COs = particles.R_COs.double().numpy()

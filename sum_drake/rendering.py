@@ -265,7 +265,7 @@ def see_surface(
     from scipy.spatial import cKDTree
 
     atlas = Atlas(vertices, faces, tile=tile, columns=9, limit=1500)
-    p_MSs, n_Ss = _sample(vertices - atlas.p_OM, faces, samples, np.random.default_rng(seed))
+    p_MSs, n_Ss = sample_mesh(vertices - atlas.p_OM, faces, samples, np.random.default_rng(seed))
     tree = cKDTree(p_MSs)
     directions = fibonacci_sphere(views)
     R_VOs = np.swapaxes(view_rotations(directions), -1, -2)
@@ -344,7 +344,7 @@ def _ball(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, float]:
     return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 
 
-def _sample(vertices: Array, faces: NDArray[np.int64], n: int, rng: np.random.Generator) -> tuple[Array, Array]:
+def sample_mesh(vertices: Array, faces: NDArray[np.int64], n: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """n points (n, 3) spread over a mesh by area, and the unit normals (n, 3) of their faces."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     normals = np.cross(b - a, c - a)

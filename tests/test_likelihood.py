@@ -5,9 +5,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sum_drake.geometry import rotation_from_vector
-from sum_drake.likelihood import Counts, Observation, confidence, count, likelihood, observe, paper_likelihood, register
+from sum_drake.likelihood import (
+    INLIER,
+    SIDE_ERROR,
+    Counts,
+    Observation,
+    confidence,
+    count,
+    log_likelihood,
+    observe,
+    paper_likelihood,
+    register,
+)
 from sum_drake.rendering import view_rotations
-from sum_drake.types import Camera, Frame
+from sum_drake.support import Plane
+from sum_drake.types import Camera, Frame, readonly
 
 CAMERA = Camera(width=80, height=60, fx=100.0, fy=100.0, cx=39.5, cy=29.5)
 
@@ -36,8 +48,10 @@ def test_a_perfect_render_explains_everything() -> None:
     counts = count(observation, *points_of(plane()), 0.008)
     assert observation.n == 4800
     assert float(counts.inliers[0]) == pytest.approx(4800)
-    for score in (paper_likelihood, likelihood, confidence):
+    for score in (paper_likelihood, confidence):
         assert float(score(counts, observation.n)[0]) == pytest.approx(1.0, abs=1e-5)
+    np.testing.assert_allclose(counts.sides, [[0, 0, 80, 60]])
+    assert float(log_likelihood(counts, observation)[0]) == pytest.approx(INLIER, abs=1e-3), "the most there is"
 
 
 def test_epsilon_is_the_euclidean_distance_of_both_points() -> None:
@@ -57,7 +71,8 @@ def test_in_front_is_a_violation_and_behind_is_hidden() -> None:
     behind = count(observation, *points_of(plane(1.1)), 0.008)
     assert float(before.free_space[0]) == pytest.approx(4800, rel=1e-4) and float(before.occluded[0]) == 0
     assert float(behind.occluded[0]) == pytest.approx(4800, rel=1e-4) and float(behind.free_space[0]) == 0
-    assert float(likelihood(before, observation.n)[0]) == float(likelihood(behind, observation.n)[0]) == 0
+    low, hidden = log_likelihood(before, observation), log_likelihood(behind, observation)
+    assert float(low[0]) < float(hidden[0]) < 0, "nor does what hides explain the box"
 
 
 def test_inliers_count_in_the_box_only_and_n_is_the_observed_points_in_it() -> None:
@@ -91,10 +106,10 @@ def test_violations_at_depth_edges_do_not_count() -> None:
 def test_soft_inliers_prefer_the_nearer() -> None:
     observation = observe(frame_of(plane()), WHOLE)
     scores = [
-        float(likelihood(count(observation, *points_of(plane(z)), 0.008, soft=True), observation.n)[0])
+        float(log_likelihood(count(observation, *points_of(plane(z)), 0.008, soft=True), observation)[0])
         for z in (1.0, 1.002, 1.004)
     ]
-    assert scores[0] > scores[1] > scores[2] > 0
+    assert scores[0] > scores[1] > scores[2]
 
 
 @pytest.mark.parametrize("box", [(0, 0, 0, 0), (500, 500, 10, 10), (-50, -50, 10, 10), (10.2, 10.2, 0.5, 0.5)], ids=str)
@@ -102,8 +117,9 @@ def test_boxes_without_a_pixel_observe_nothing(box: tuple[float, float, float, f
     observation = observe(frame_of(plane()), box)
     assert observation.n == 0
     counts = count(observation, *points_of(plane()), 0.008)
-    for score in (paper_likelihood, likelihood, confidence):
+    for score in (paper_likelihood, confidence):
         assert float(score(counts, observation.n)[0]) == 0
+    assert np.isfinite(float(log_likelihood(counts, observation)[0]))
 
 
 def test_depth_that_is_not_finite_is_missing() -> None:
@@ -128,17 +144,58 @@ def test_scores_are_finite_and_in_range(box: tuple[float, float, float, float], 
     counts = count(observation, points, areas, 0.01)
     parts = counts.inliers + counts.free_space + counts.occluded
     assert bool((parts <= counts.rendered * 1.0001 + 1e-3).all())
-    for score in (likelihood, confidence):
-        value = score(counts, observation.n)
-        assert bool(torch.isfinite(value).all()) and bool((value >= 0).all())
-    assert bool((confidence(counts, observation.n) <= 1).all())
+    value = confidence(counts, observation.n)
+    assert bool(torch.isfinite(value).all()) and bool((value >= 0).all()) and bool((value <= 1).all())
+    assert bool(torch.isfinite(log_likelihood(counts, observation)).all())
 
 
 def test_hidden_points_weigh_less_than_missing_ones() -> None:
     found = torch.tensor([100.0, 100.0])
-    counts = Counts(found, torch.zeros(2), torch.tensor([0.0, 100.0]), torch.tensor([100.0, 200.0]))
+    sides = torch.tensor([0.0, 0.0, 10.0, 10.0]).expand(2, 4)
+    counts = Counts(found, torch.zeros(2), torch.tensor([0.0, 100.0]), torch.tensor([100.0, 200.0]), sides)
     value = confidence(counts, 100)
     assert 1.0 == float(value[0]) > float(value[1]) > (1 / 2) ** 0.5
+
+
+def seen_part(left: int, right: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Points of the columns from left to right of a plane at 1 m."""
+    points, areas = points_of(plane())
+    shown = torch.zeros(60, 80, dtype=torch.bool)
+    shown[:, left:right] = True
+    return points[:, shown.view(-1)], areas[:, shown.view(-1)]
+
+
+def test_the_sides_of_the_box_are_where_the_object_is_seen_to_end() -> None:
+    """Equally well explained boxes differ by how far the explanation reaches."""
+    observation = observe(frame_of(plane()), (20.0, 0.0, 40.0, 60.0))
+
+    def score(left: int, right: int) -> float:
+        return float(log_likelihood(count(observation, *seen_part(left, right), 0.008), observation)[0])
+
+    assert score(20, 60) > score(24, 60) > score(30, 60)
+    assert score(20, 60) > score(20, 68), "what is seen outside the box would have been in it"
+    off = int(SIDE_ERROR * 40) + 1
+    within = count(observation, *seen_part(20, 60 + off - 2), 0.008)
+    beyond = count(observation, *seen_part(20, 60 + 2 * off), 0.008)
+    assert float(within.free_space[0]) == 0
+    assert float(beyond.free_space[0]) > 0
+
+
+def test_the_plane_below_is_nothing_to_be_explained_and_nothing_reaches_under_it() -> None:
+    below = Plane(readonly([0.0, 0.0, -1.0]), 1.0)
+    depth = plane()
+    depth[20:40, 30:50] = 0.95  # a block on a table that is seen from above
+    observation = observe(frame_of(depth), (25.0, 15.0, 30.0, 30.0), plane=below, tolerance=0.008)
+    assert observation.n == 400
+    block = np.where(depth < 1, depth, 0)
+    points, areas = points_of(block)
+    on_it = count(observation, points[:, block.reshape(-1) > 0], areas[:, block.reshape(-1) > 0], 0.008)
+    table = count(observation, *points_of(plane()), 0.008)
+    assert float(log_likelihood(on_it, observation)[0]) > float(log_likelihood(table, observation)[0]) + 3
+    under = count(observation, *points_of(plane(1.05)), 0.008)
+    assert float(under.free_space[0]) == pytest.approx(4800, rel=1e-3)
+    flat = observe(frame_of(plane()), (25.0, 15.0, 30.0, 30.0), plane=below, tolerance=0.008)
+    assert flat.n == 900, "where all there is lies in the plane, that is the object"
 
 
 R_CO = view_rotations(np.array([[1.0, 1.0, 1.0]]))[0].T

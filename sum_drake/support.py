@@ -1,0 +1,80 @@
+"""The plane that things stand on, where depth shows one: what lies in it is none of them, and they end above it.
+
+A bottle that lies in the table top explains the bare table well. Told what the table is, the likelihood does not ask
+for it to be explained.
+"""
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sum_drake.types import Array, Box, Frame, Immutable, readonly
+
+LEAST_SHARE = 0.3
+"""Of the points around the box: fewer make no support."""
+LEAST_POINTS = 100
+TRIES, POINTS = 200, 1500
+"""Planes tried, on so many points at most."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plane(Immutable):
+    """Points with normal_C . p_CQ + offset = 0; the camera is on the side where that is positive."""
+
+    normal_C: Array
+    """(3,), unit."""
+    offset: float
+    """Metres: the camera's height above it."""
+
+    def height(self, p_CQs: Array) -> Array:
+        """Of points (..., 3) above the plane, metres."""
+        return np.asarray(p_CQs @ self.normal_C + self.offset)
+
+
+def support_plane(
+    frame: Frame, box: Box, rng: np.random.Generator, *, tolerance: float, margin: float = 1.0
+) -> Plane | None:
+    """The plane that holds most of what was observed around a box, up to `margin` times its size away; None: none does.
+
+    What is in the box has no say, so that a box-shaped object does not take its own side for the table. tolerance: by
+    which observed points may be off it, metres.
+    """
+    points = _around(frame, box, margin)
+    if len(points) < LEAST_POINTS:
+        return None
+    points = points[rng.permutation(len(points))[:POINTS]]
+    a, b, c = points[rng.integers(len(points), size=(3, TRIES))]
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    usable = length > 1e-6
+    if not usable.any():
+        return None
+    normals, a = normals[usable] / length[usable, None], a[usable]
+    on_it = np.abs(normals @ points.T - (normals * a).sum(1)[:, None]) < tolerance
+    best = int(on_it.sum(1).argmax())
+    inliers = points[on_it[best]]
+    if len(inliers) < max(LEAST_SHARE * len(points), 3):
+        return None
+    middle = inliers.mean(0)
+    normal = np.linalg.svd(inliers - middle, full_matrices=False)[2][2]
+    offset = -float(normal @ middle)
+    sign = 1.0 if offset > 0 else -1.0
+    return Plane(readonly(sign * normal), sign * offset)
+
+
+def _around(frame: Frame, box: Box, margin: float) -> Array:
+    """p_CQ (n, 3) of what was observed around a box, thinned out."""
+    x, y, w, h = box
+    camera = frame.camera
+    left, top = max(0, int(x - margin * w)), max(0, int(y - margin * h))
+    right, bottom = min(camera.width, int(x + (1 + margin) * w)), min(camera.height, int(y + (1 + margin) * h))
+    if right <= left or bottom <= top:
+        return np.zeros((0, 3))
+    step = max(1, int(np.sqrt((right - left) * (bottom - top) / (4 * POINTS))))
+    v, u = np.mgrid[top:bottom:step, left:right:step]
+    z: NDArray[np.float64] = frame.depth[v, u].astype(np.float64)
+    outside = (u < x) | (u >= x + w) | (v < y) | (v >= y + h)
+    seen = outside & np.isfinite(z) & (z > 0)
+    u, v, z = u[seen], v[seen], z[seen]
+    return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)

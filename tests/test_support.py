@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sum_drake.support import support_plane
+from sum_drake.types import Camera, Frame, readonly
+
+CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
+v, u = np.mgrid[:120, :160]
+RAYS = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], -1)
+BOX = (60.0, 40.0, 40.0, 40.0)
+
+
+def table(normal, height, noise=0.001, seed=0):
+    """Depth of a plane that lies `height` below the camera."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    rng = np.random.default_rng(seed)
+    return np.where(RAYS @ normal < -0.05, -height / np.minimum(RAYS @ normal, -0.05), 0) + rng.normal(
+        0, noise, u.shape
+    )
+
+
+def frame_of(depth):
+    return Frame(0, np.zeros((120, 160, 3), np.uint8), readonly(depth, np.float32), CAMERA, np.eye(4))
+
+
+def find(depth, box=BOX):
+    return support_plane(frame_of(depth), box, np.random.default_rng(1), tolerance=0.006)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-0.4, 0.4), st.floats(-0.9, -0.2), st.floats(0.5, 1.2))
+def test_a_table_is_found_where_it_is(a, b, height):
+    normal = np.array([a, b, -1.0]) / np.linalg.norm([a, b, -1.0])
+    depth = table(normal, height)
+    depth[45:75, 65:95] *= 0.9  # something stands in the box
+    plane = find(depth)
+    assert plane is not None
+    assert plane.normal_C @ normal > np.cos(np.radians(1.5))
+    assert plane.offset == pytest.approx(height, abs=0.01)
+    points = RAYS[50, 80] * depth[50, 80]
+    assert plane.height(points) > 0.02, "what stands on it is above"
+
+
+def test_an_objects_own_side_is_no_table():
+    depth = np.random.default_rng(0).uniform(0.8, 2.0, u.shape)  # clutter all around
+    depth[40:80, 60:100] = 0.7
+    assert find(depth) is None
+
+
+def test_nothing_around_is_no_table():
+    assert find(np.zeros(u.shape)) is None
+    assert find(table([0, -0.5, -1], 0.8), (900.0, 900.0, 10.0, 10.0)) is None
+    assert find(table([0, -0.5, -1], 0.8), (0.0, 0.0, 0.0, 0.0)) is None
