@@ -30,6 +30,7 @@ from sum_drake.likelihood import (
     paper_likelihood,
     pixel_rays,
     register,
+    thinned,
 )
 from sum_drake.modes import distinct, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
@@ -238,11 +239,11 @@ class PoseEstimator:
         symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
             # As published: the weighted particles are the belief, the most likely one the estimate.
-            best, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
+            best, weights, looked_at = particles[scores.argmax()[None]], tempered(scores, 0.0), observation
             counts = self._exact(observation, label, model, best)
         else:
             modes = distinct(particles, scores, config.candidates)
-            few = modes[: config.candidates // 2]
+            few = modes[: config.candidates // 4]
             turned = join(modes, *(Particles(few.R_COs @ spin, few.p_CMs) for spin in _SPINS))
             # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
             for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
@@ -250,14 +251,15 @@ class PoseEstimator:
             candidates = join(modes, turned)
             rough = self._score(observation, model.show(candidates), config.epsilon)
             modes = distinct(candidates, rough, config.candidates)
-            counts = self._exact(observation, label, model, modes)
-            exact = log_likelihood(counts, observation)
+            looked_at = thinned(observation)
+            counts = self._exact(looked_at, label, model, modes)
+            exact = log_likelihood(counts, looked_at)
             particles, weights = self._posterior(observation, model, modes, exact, rng)
             shares = torch.softmax(exact, 0).double().numpy()
             chosen = int(expected_hits(poses(modes, model.p_OM), shares, symmetry).argmax())
             best = modes[chosen : chosen + 1]
             counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
-        value = (paper_likelihood if config.score == "inliers" else confidence)(counts, observation.n)
+        value = (paper_likelihood if config.score == "inliers" else confidence)(counts, looked_at.n)
         X_WOs = to_world(particles, frame, model.p_OM)
         X_WO = to_world(best, frame, model.p_OM)[0]
         p = weights.double().numpy()
@@ -269,7 +271,7 @@ class PoseEstimator:
             "free_space": float(counts.free_space[0]),
             "occluded": float(counts.occluded[0]),
             "rendered": float(counts.rendered[0]),
-            "observed": float(observation.n),
+            "observed": float(looked_at.n),
             "effective_sample_size": float(1.0 / (p @ p) / len(p)),
             "translation_std_m": float(shift),
             "rotation_std_rad": float(angle),

@@ -16,6 +16,7 @@ from sum_drake.likelihood import (
     observe,
     paper_likelihood,
     register,
+    thinned,
 )
 from sum_drake.rendering import view_rotations
 from sum_drake.support import Plane
@@ -196,6 +197,22 @@ def test_the_plane_below_is_nothing_to_be_explained_and_nothing_reaches_under_it
     assert float(under.free_space[0]) == pytest.approx(4800, rel=1e-3)
     flat = observe(frame_of(plane()), (25.0, 15.0, 30.0, 30.0), plane=below, tolerance=0.008)
     assert flat.n == 900, "where all there is lies in the plane, that is the object"
+
+
+def test_thinned_observations_weigh_poses_alike() -> None:
+    observation = observe(frame_of(plane()), (20.0, 0.0, 40.0, 60.0))
+    few = thinned(observation, pixels=1000)
+    assert few.depth.numel() <= 1300
+    for columns in ((20, 60), (30, 60), (20, 45)):
+        whole, part = (log_likelihood(count(one, *seen_part(*columns), 0.008), one) for one in (observation, few))
+        assert float(part[0]) == pytest.approx(float(whole[0]), abs=0.8)
+    v, u = np.mgrid[: few.camera.height, : few.camera.width]
+    x, y = (u - few.camera.cx) / few.camera.fx, (v - few.camera.cy) / few.camera.fy
+    columns, rows = x * CAMERA.fx + CAMERA.cx, y * CAMERA.fy + CAMERA.cy
+    np.testing.assert_allclose(columns, np.round(columns), atol=1e-9, err_msg="its pixels are pixels of the frame")
+    np.testing.assert_allclose(rows, np.round(rows), atol=1e-9)
+    nothing = observe(frame_of(plane()), (0.0, 0.0, 0.0, 0.0))
+    assert thinned(nothing).n == 0
 
 
 R_CO = view_rotations(np.array([[1.0, 1.0, 1.0]]))[0].T
