@@ -16,9 +16,10 @@ from sum_drake import robot, timing
 from sum_drake.geometry import inverse, rotation_from_vector, transform
 from sum_drake.grasp_ranking import RankedGrasps
 from sum_drake.kinematics import Arm
-from sum_drake.motion import PlanningScene, solid_of
 from sum_drake.objects import Catalogue, ObjectModel, load_catalogue
-from sum_drake.picking import PickConfig, PickPlan, plan_pick_place
+from sum_drake.pick_config import PickConfig
+from sum_drake.picking import PickPlan, plan_pick_place
+from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.types import Array, Grasp, Region
 
 BINS = tuple(

@@ -147,3 +147,10 @@ def iou(a: ArrayLike, b: ArrayLike) -> Array:
     intersection = np.prod(np.maximum(high - low, 0.0), axis=-1)
     union = np.prod(a[..., 2:], axis=-1) + np.prod(b[..., 2:], axis=-1) - intersection
     return np.asarray(np.divide(intersection, union, out=np.zeros_like(union), where=union > 0))
+
+
+def shifted(X_WA: Array, p_W: Array) -> Array:
+    """X_WA (4, 4), moved by p_W (3,), metres."""
+    X = X_WA.copy()
+    X[:3, 3] += p_W
+    return X

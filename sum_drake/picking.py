@@ -11,73 +11,19 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from sum_drake import timing
-from sum_drake.geometry import apply, inverse, rotation_from_vector
+from sum_drake.geometry import apply, inverse, rotation_from_vector, shifted
 from sum_drake.grasp_ranking import RankedGrasps
 from sum_drake.grasping import half_turn, surface
 from sum_drake.kinematics import Arm, nearest_turns
-from sum_drake.motion import (
-    FINE,
-    NoPath,
-    PlanningScene,
-    Solid,
-    cartesian_path,
-    plan_path,
-    seconds,
-    solid_of,
-    solids_of_points,
-)
+from sum_drake.motion import NoPath, cartesian_path, plan_path, seconds
 from sum_drake.objects import ObjectModel
-from sum_drake.playback import GAP_SPEED
+from sum_drake.pick_config import PickConfig
+from sum_drake.pick_phases import PhaseScenes, opening, timed
+from sum_drake.planning_scene import PlanningScene, Solid, solid_of
 from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory, readonly
-
-
-@dataclasses.dataclass
-class PickConfig:
-    """Planning of one pick and place; SI units."""
-
-    approach: float = 0.09
-    """The hand stops this far short of the grasp, then reaches straight."""
-    lifts: list[float] = dataclasses.field(default_factory=lambda: [0.18, 0.26, 0.12])
-    """Heights of the straight lift; the first that the arm can do, and that clears what stands around, is taken."""
-    retreats: list[float] = dataclasses.field(default_factory=lambda: [0.14, 0.09, 0.07])
-    """Lengths of the straight retreat after the release, likewise; the pads are .062 m long."""
-    release: float = 0.025
-    """To let go, the fingers open by at least this much more than for the approach, if the object leaves the room."""
-    release_clearance: float = 0.004
-    """Free space between an opened finger and the parts of the object that lie beyond it, such as a mug's far wall."""
-    furniture_padding: float = 0.01
-    """Distance that the arm keeps from table and bins while it goes around things."""
-    solid_padding: float = 0.006
-    """The same from believed objects and unexplained points."""
-    self_padding: float = 0.005
-    """The same from the robot itself."""
-    reach_padding: float = 0.002
-    """Distance from table and bins during reach, lift and retreat; the object itself and its points do not count."""
-    explained: float = 0.012
-    """Depth points this close to a believed object are that object, not obstacles of their own."""
-    point_size: float = 0.015
-    """Edge of the boxes that cover unexplained points."""
-    grasps: int = 60
-    """Grasps examined: two thirds the best ranked, one third spread over the rest."""
-    searches: int = 6
-    """Grasps for which a place and paths are searched before the object is given up."""
-    budget: int = 1500
-    """Calls of the termination condition in one path search."""
-    speed: float = 1.0
-    """Share of the joints' speed that the arm goes around things with."""
-    straight_speed: float = 1.0
-    """The same for reach, lift and retreat."""
-    release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
-    """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
-    close_time: float = 1.0
-    """Seconds given to the fingers to close and to press."""
-    open_time: float = 0.3
-    """Seconds that the arm stands still after the fingers have been told to open, and have had the time to."""
-
 
 REASONS = (
     "no_grasp", "start_in_collision", "ik", "grasp_collision", "reach", "lift", "place_ik", "place_collision",
@@ -157,37 +103,6 @@ class _GivenUp(Exception):
         self.stage, self.cause = stage, cause or stage
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Scenes:
-    """One scene, as it is seen in the phases of the motion."""
-
-    around: PlanningScene
-    """Everything, at the distances of a motion around things."""
-    close: PlanningScene
-    """Near the grasp: without the object, without points, close to table and neighbours."""
-    cleared: PlanningScene
-    """`around` without the object: once it has been let go, or is in the hand."""
-    config: PickConfig
-
-    @staticmethod
-    def make(
-        scene: PlanningScene, target: Solid, others: Sequence[Solid], points: Array, config: PickConfig
-    ) -> "_Scenes":
-        loose = solids_of_points(_unexplained(points, others, config.explained), size=config.point_size)
-        # The object and the points come first, so that no other solid of the same name is meant by theirs.
-        full = scene.with_solids((target, *loose, *others))
-        around = _padded(full, config)
-        near = full.padded(furniture=config.reach_padding, solids=0.0, self_distance=config.self_padding)
-        close = near.ignoring(*full.names[: 1 + len(loose)])
-        return _Scenes(around, close, around.ignoring(full.names[0]), config)
-
-
-def _padded(scene: PlanningScene, config: PickConfig) -> PlanningScene:
-    return scene.padded(
-        furniture=config.furniture_padding, solids=config.solid_padding, self_distance=config.self_padding
-    )
-
-
 def plan_pick_place(
     *,
     arm: Arm,
@@ -215,7 +130,7 @@ def plan_pick_place(
     target = solid_of(model, X_WO)
     others = [solid_of(other, X) for other, X in obstacles]
     points = np.empty((0, 3)) if points_W is None else points_W
-    scenes = _Scenes.make(scene, target, others, points, config)
+    scenes = PhaseScenes.make(scene, target, others, points, config)
     rng = np.random.default_rng(seed)
     candidates = len(ranked.grasps) + sum(count for _, count in ranked.rejected_by)
     rejected: Counter[str] = Counter()
@@ -255,48 +170,6 @@ def plan_pick_place(
     return Infeasible(furthest, candidates, counts())
 
 
-def plan_retreat(
-    *,
-    arm: Arm,
-    scene: PlanningScene,
-    q_now: Array,
-    motion_id: int = 0,
-    seed: int,
-    config: PickConfig,
-    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
-    points_W: Array | None = None,
-) -> Motion:
-    """From wherever the arm is (8,), after a failed pick: opens the hand, rises straight, returns to the viewing pose.
-
-    Rises as far as it can, at most to .4 m. Raises RuntimeError where there is no free way back.
-    """
-    others = [solid_of(other, X) for other, X in obstacles]
-    points = _unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
-    bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
-    around = _padded(bare, config)
-    rise = np.array([q_now])
-    for height in np.arange(0.4, 0.0, -0.05):
-        X_WG = arm.forward(q_now)
-        paths = cartesian_path(arm, X_WG, _shifted(X_WG, np.array([0, 0, height])), q_now)
-        # Where the arm stands it may touch things; rising must only lead away from them.
-        risen = [path for path in paths if around.is_free(path[-1])]
-        if risen:
-            rise = risen[0]
-            break
-    home = nearest_turns(VIEW, rise[-1])
-    # A hand that has failed may stand closer to things than a plan would bring it: then without padding.
-    free = around if around.is_free(rise[-1]) else bare
-    path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
-    if isinstance(path, NoPath):
-        raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
-    segments = [_open(q_now, HAND.gap_max, config)]
-    if len(rise) > 1:
-        rising = timing.time_curve(rise, speed=config.straight_speed)
-        segments.append(Segment("retreat", rising, HAND.gap_max))
-    segments.append(Segment("return", _timed(free, path.qs, config.speed), HAND.gap_max))
-    return Motion(motion_id, tuple(segments))
-
-
 def _examined(count: int, limit: int) -> list[int]:
     """Which of `count` ranked grasps to look at: the best ones, then some spread over the rest.
 
@@ -308,7 +181,9 @@ def _examined(count: int, limit: int) -> list[int]:
     return [*range(best), *np.linspace(best, count - 1, limit - best).round().astype(int).tolist()]
 
 
-def _find_pick(arm: Arm, scenes: _Scenes, target: Solid, X_WG: Array, gap: float, width: float, q_now: Array) -> _Pick:
+def _find_pick(
+    arm: Arm, scenes: PhaseScenes, target: Solid, X_WG: Array, gap: float, width: float, q_now: Array
+) -> _Pick:
     """Reach and lift of one grasp, in the first arm configuration that allows both."""
     config = scenes.config
     around, close, gripped = scenes.around.with_gap(gap), scenes.close.with_gap(gap), scenes.close.with_gap(width)
@@ -330,7 +205,7 @@ def _find_pick(arm: Arm, scenes: _Scenes, target: Solid, X_WG: Array, gap: float
             found = _GivenUp("lift")
             held = held or scenes.cleared.holding(target.hulls, inverse(X) @ target.X_WS).with_gap(width)
             for height in config.lifts:
-                for lift in cartesian_path(arm, X, _shifted(X, np.array([0, 0, height])), q, count=2):
+                for lift in cartesian_path(arm, X, shifted(X, np.array([0, 0, height])), q, count=2):
                     if _clears(held, lift) and gripped.path_free(lift, 0.01):
                         return _Pick(X, reach[::-1], lift, held)
     raise found
@@ -348,7 +223,7 @@ def _first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Ar
 
 
 def _find_places(
-    arm: Arm, scenes: _Scenes, pick: _Pick, target: Solid, region: Region, fill: float, gaps: Sequence[float],
+    arm: Arm, scenes: PhaseScenes, pick: _Pick, target: Solid, region: Region, fill: float, gaps: Sequence[float],
     rng: np.random.Generator,
 ) -> list[_Place]:  # fmt: skip
     """Up to three ways to let go of the object over the region, at the lowest height where there is one.
@@ -397,7 +272,7 @@ def _find_places(
     raise _GivenUp(stage)
 
 
-def _let_go(arm: Arm, scenes: _Scenes, X_WG: Array, X_WO: Array, q: Array, gaps: Sequence[float]) -> _Place | None:
+def _let_go(arm: Arm, scenes: PhaseScenes, X_WG: Array, X_WO: Array, q: Array, gaps: Sequence[float]) -> _Place | None:
     """The widest opening and the longest retreat that are free with the object released at X_WO."""
     config = scenes.config
     retreats = [cartesian_path(arm, X_WG, X_WG @ _along_x(-length), q) for length in config.retreats]
@@ -423,7 +298,7 @@ def release_gap(model: ObjectModel, X_GO: Array, gap: float, clearance: float) -
 
 
 def _connect(
-    scenes: _Scenes, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
+    scenes: PhaseScenes, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
 ) -> tuple[_Place, Motion, Motion]:
     """Searches the three paths around things, and times everything."""
     config = scenes.config
@@ -446,47 +321,19 @@ def _connect(
         return timing.time_curve(qs, speed=config.straight_speed)
 
     picking = (
-        Segment("approach", _timed(around, approach.qs, config.speed), gap),
+        Segment("approach", timed(around, approach.qs, config.speed), gap),
         Segment("reach", straight(pick.reach), gap),
         Segment("close", timing.rest(pick.reach[-1], config.close_time), 0.0),
         Segment("lift", straight(pick.lift), 0.0),
     )
     placing = (
-        Segment("transport", _timed(pick.held, transport.qs, config.speed), 0.0),
-        _open(transport.qs[-1], place.gap, config),
+        Segment("transport", timed(pick.held, transport.qs, config.speed), 0.0),
+        opening(transport.qs[-1], place.gap, config),
         Segment("retreat", straight(place.retreat), place.gap),
-        Segment("return", _timed(cleared, back.qs, config.speed), place.gap),
+        Segment("return", timed(cleared, back.qs, config.speed), place.gap),
     )
     return place, Motion(0, picking), Motion(1, placing)
 
 
-def _open(q: Array, gap: float, config: PickConfig) -> Segment:
-    """Opens a closed hand to `gap` with the arm at rest at q (8,)."""
-    return Segment("open", timing.rest(q, gap / GAP_SPEED + config.open_time), gap)
-
-
-def _timed(scene: PlanningScene, qs: Array, speed: float) -> Trajectory:
-    """A free polyline as a trajectory, whose corners are rounded where that is free as well."""
-    return timing.time_path(qs, is_free=lambda corner: scene.path_free(corner, FINE), speed=speed)
-
-
-def _unexplained(points_W: Array, solids: Sequence[Solid], distance: float) -> Array:
-    """The points (n, 3) that lie further than `distance` from every hull."""
-    loose = np.ones(len(points_W), dtype=bool)
-    for solid in solids:
-        p_SQ = apply(inverse(solid.X_WS), points_W)
-        for hull in solid.hulls:
-            faces = ConvexHull(hull).equations  # (f, 4): outward normal and offset
-            loose &= (p_SQ @ faces[:, :3].T + faces[:, 3]).max(1) > distance
-    return points_W[loose]
-
-
 def _along_x(distance: float) -> Array:
-    return _shifted(np.eye(4), np.array([distance, 0.0, 0.0]))
-
-
-def _shifted(X_WA: Array, p_W: Array) -> Array:
-    """X_WA (4, 4), moved by p_W (3,)."""
-    X = X_WA.copy()
-    X[:3, 3] += p_W
-    return X
+    return shifted(np.eye(4), np.array([distance, 0.0, 0.0]))

@@ -11,9 +11,11 @@ from sum_drake.geometry import apply, inverse, rotation_angle
 from sum_drake.grasp_ranking import rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
 from sum_drake.kinematics import Arm
-from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue, ObjectModel, sample_surface
-from sum_drake.picking import PickConfig, PickPlan, plan_pick_place, plan_retreat
+from sum_drake.pick_config import PickConfig
+from sum_drake.picking import PickPlan, plan_pick_place
+from sum_drake.planning_scene import PlanningScene
+from sum_drake.retreat import plan_retreat
 from sum_drake.sensor import back_project
 from sum_drake.types import LEAVE, Array, Attempt, Frame, Motion, Perception, Region, Track
 

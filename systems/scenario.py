@@ -21,7 +21,7 @@ from sum_drake.detection.simulated import SimulatedDetectorConfig
 from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
-from sum_drake.picking import PickConfig
+from sum_drake.pick_config import PickConfig
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.object_detector import ObjectDetectorConfig
 from sum_drake.systems.pouring import PouringConfig

@@ -17,8 +17,8 @@ from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
-from sum_drake.motion import PlanningScene
 from sum_drake.objects import Catalogue
+from sum_drake.planning_scene import PlanningScene
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera

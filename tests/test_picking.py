@@ -6,14 +6,15 @@ import itertools
 import numpy as np
 import pytest
 
-from sum_drake import picking, robot, timing
+from sum_drake import robot, timing
 from sum_drake.geometry import apply, inverse, rotation_from_vector, transform
 from sum_drake.grasp_ranking import CAUSES, RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates, opening
 from sum_drake.kinematics import CONTINUOUS, Arm
-from sum_drake.motion import PlanningScene, solid_of
 from sum_drake.objects import load_catalogue, sample_surface
-from sum_drake.picking import Infeasible, PickConfig, PickPlan, plan_pick_place, plan_retreat, release_gap
+from sum_drake.pick_config import PickConfig
+from sum_drake.picking import Infeasible, PickPlan, plan_pick_place, release_gap
+from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.playback import GAP_SPEED
 from sum_drake.types import Grasp, PoseBelief, Region
 
@@ -218,32 +219,3 @@ def test_an_arm_that_touches_something_does_not_start(scene):
     made = plan(scene, points_W=palm)
     assert isinstance(made, Infeasible)
     assert made.reason == "start_in_collision"
-
-
-def test_points_of_believed_objects_are_no_obstacles_of_their_own():
-    model, X_WO = CATALOGUE["soup_can"], standing("soup_can", 0.6, 0.05)
-    surface = apply(X_WO, np.asarray(model.load_mesh().vertices))
-    stray = surface[:5] + np.array([0.0, 0.3, 0.0])
-    left = picking._unexplained(np.concatenate([surface, stray]), [solid_of(model, X_WO)], 0.012)
-    np.testing.assert_array_equal(left, stray)
-
-
-@pytest.mark.parametrize("z", [0.76, 0.95])
-def test_the_way_back_opens_rises_and_returns(scene, z):
-    X_WG = np.eye(4)
-    X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
-    X_WG[:3, 3] = [0.6, -0.1, z]
-    q_now = ARM.solutions(X_WG)[0]
-    motion = plan_retreat(arm=ARM, scene=scene, q_now=q_now, motion_id=5, seed=0, config=PickConfig())
-    assert motion.id == 5
-    assert [s.name for s in motion.segments] == ["open", "retreat", "return"]
-    assert all(s.gap == robot.HAND.gap_max for s in motion.segments)
-    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q_now)
-    for segment in motion.segments:
-        assert scene.free_many(timing.sample(segment.trajectory, 0.004)).all()
-        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
-    rise = ARM.forward_many(timing.sample(motion.segments[1].trajectory, 0.05))[:, :3, 3]
-    assert np.abs(rise[:, :2] - rise[0, :2]).max() < 0.003
-    assert rise[-1, 2] > rise[0, 2] + 0.04
-    turns = (motion.segments[-1].trajectory.positions[-1] - robot.VIEW) / (2 * np.pi)
-    np.testing.assert_allclose(turns, np.where(CONTINUOUS, np.round(turns), 0.0), atol=1e-6)

@@ -10,9 +10,9 @@ from sum_drake import timing
 from sum_drake.geometry import apply, rotation_from_vector
 from sum_drake.grasping import GraspConfig
 from sum_drake.kinematics import Arm
-from sum_drake.motion import PlanningScene, solid_of
 from sum_drake.objects import load_catalogue, sample_surface
-from sum_drake.picking import PickConfig
+from sum_drake.pick_config import PickConfig
+from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.robot import VIEW
 from sum_drake.task import (
     Look,

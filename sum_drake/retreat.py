@@ -1,0 +1,58 @@
+"""The way back of an arm whose pick has failed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sum_drake import timing
+from sum_drake.geometry import shifted
+from sum_drake.kinematics import Arm, nearest_turns
+from sum_drake.motion import NoPath, cartesian_path, plan_path
+from sum_drake.objects import ObjectModel
+from sum_drake.pick_config import PickConfig
+from sum_drake.pick_phases import opening, padded, timed, unexplained
+from sum_drake.planning_scene import PlanningScene, solid_of, solids_of_points
+from sum_drake.robot import HAND, VIEW
+from sum_drake.types import Array, Motion, Segment
+
+
+def plan_retreat(
+    *,
+    arm: Arm,
+    scene: PlanningScene,
+    q_now: Array,
+    motion_id: int = 0,
+    seed: int,
+    config: PickConfig,
+    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
+    points_W: Array | None = None,
+) -> Motion:
+    """From wherever the arm is (8,), after a failed pick: opens the hand, rises straight, returns to the viewing pose.
+
+    Rises as far as it can, at most to .4 m. Raises RuntimeError where there is no free way back.
+    """
+    others = [solid_of(other, X) for other, X in obstacles]
+    points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
+    bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
+    around = padded(bare, config)
+    rise = np.array([q_now])
+    for height in np.arange(0.4, 0.0, -0.05):
+        X_WG = arm.forward(q_now)
+        paths = cartesian_path(arm, X_WG, shifted(X_WG, np.array([0, 0, height])), q_now)
+        # Where the arm stands it may touch things; rising must only lead away from them.
+        risen = [path for path in paths if around.is_free(path[-1])]
+        if risen:
+            rise = risen[0]
+            break
+    home = nearest_turns(VIEW, rise[-1])
+    # A hand that has failed may stand closer to things than a plan would bring it: then without padding.
+    free = around if around.is_free(rise[-1]) else bare
+    path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
+    if isinstance(path, NoPath):
+        raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
+    segments = [opening(q_now, HAND.gap_max, config)]
+    if len(rise) > 1:
+        rising = timing.time_curve(rise, speed=config.straight_speed)
+        segments.append(Segment("retreat", rising, HAND.gap_max))
+    segments.append(Segment("return", timed(free, path.qs, config.speed), HAND.gap_max))
+    return Motion(motion_id, tuple(segments))
