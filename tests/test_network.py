@@ -25,10 +25,15 @@ def test_maps_cover_the_picture_at_one_cell_a_stride(network):
     assert boxes.shape == (2, 12, 16, 4)
 
 
-def test_picture_of_odd_size_is_no_trouble(network):
+@pytest.mark.parametrize(("height", "width"), [(101, 67), (120, 88), (3, 40)])
+def test_of_any_size_a_cell_stands_for_the_same_pixels(network, height, width):
+    """What lies about a point does not depend on where the picture ends, as long as that is far away."""
+    torch.manual_seed(1)
+    large = torch.rand(1, 3, 480, 480) * 255
     with torch.inference_mode():
-        features = network.features(torch.zeros(1, 3, 101, 67))
-    assert features.shape[2:] == (13, 9)
+        assert network.features(large[:, :, :height, :width]).shape[2:] == (-(-height // 16) * 2, -(-width // 16) * 2)
+        whole, cut = network.features(large), network.features(large[:, :, :467, :469])
+    torch.testing.assert_close(cut[:, :, :16, :16], whole[:, :, :16, :16])
 
 
 def test_each_cell_proposes_a_box_about_itself(network):

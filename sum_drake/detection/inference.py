@@ -19,8 +19,12 @@ from sum_drake.types import Array, Detection, Immutable, readonly
 if TYPE_CHECKING:
     import torch
 
-WORKING_SIZE = 640
-"""Longer side of the pictures the network was trained on, pixels; others are scaled to it."""
+WORKING_SIZE = 800
+"""Longer side of the pictures that the network looks at, pixels; others are scaled to it.
+
+Trained on pictures of 640, scaled by .75 to 1.4. On validation pictures of 640 x 480, mAP@.5, recall at the working
+threshold and top-1 on true boxes are .935, .905, .911 at 640, .943, .918, .916 at 800 and .934, .915, .924 at 960.
+"""
 MAX_PROPOSALS = {LEARNED: 100}
 """Proposals classified; 300 of any proposer that is not named here."""
 SAME_LABEL_IOU, ANY_LABEL_IOU = 0.45, 0.75
@@ -227,9 +231,6 @@ def _to_working_size(color: NDArray[np.uint8]) -> tuple[float, NDArray[np.uint8]
         return scale, color
     size = [max(round(side * scale), 1) for side in color.shape[1::-1]]
     resized = cv2.resize(color, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    # A very long picture is lengthened across, so that the network's smallest map still has cells.
-    right, bottom = (max(32 - side, 0) for side in size)
-    resized = cv2.copyMakeBorder(resized, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
     return scale, np.asarray(resized, dtype=np.uint8)
 
 

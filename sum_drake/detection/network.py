@@ -141,7 +141,13 @@ class Network(nn.Module):
             last.bias.copy_(torch.tensor([-4.0] + [math.log(5.0)] * 4))
 
     def features(self, pictures: Tensor) -> Tensor:
-        """The shared map (b, width, h/8, w/8) of pictures (b, 3, h, w) in 0..255."""
+        """The shared map (b, width, h/8, w/8) of pictures (b, 3, h, w) in 0..255.
+
+        Pictures are lengthened to whole cells of stride 16, to the right and below: of any other size, the two maps
+        would be shifted against each other, and against what was learned.
+        """
+        height, width = pictures.shape[2:]
+        pictures = F.pad(pictures, (0, -width % (2 * STRIDE), 0, -height % (2 * STRIDE)), mode="replicate")
         fine, coarse = self.backbone(pictures)
         merged = self.fine(fine) + F.interpolate(self.coarse(coarse), size=fine.shape[2:], mode="nearest")
         features: Tensor = self.merge(F.relu(merged))
