@@ -38,8 +38,9 @@ def figures(images: Sequence[metrics.ScoredImage]) -> dict[str, float]:
     }
 
 
-ALLOWED_FALSE = 0.9
-"""False positives a picture at the working threshold: fewer than one, so that other pictures keep to one as well."""
+ALLOWED_FALSE = 0.5
+"""False positives a picture at the working threshold. On validation pictures of up to 15 objects among distractors, .9
+instead of .5 finds another half a percent of the objects, and takes a robot's wrist for a bottle twice as often."""
 
 
 def calibrated(
