@@ -25,6 +25,7 @@ from sum_drake.likelihood import (
     Observation,
     confidence,
     count,
+    count_picture,
     log_likelihood,
     observe,
     paper_likelihood,
@@ -286,18 +287,11 @@ class PoseEstimator:
 
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
-        camera = observation.camera
-        v, u = np.mgrid[: camera.height, : camera.width]
-        rays = pixel_rays(camera, torch.from_numpy(u), torch.from_numpy(v)).view(-1, 3)
-        rows = []
-        for X_CO in poses(particles, model.p_OM):
-            depth = torch.from_numpy(self._renderer.depth(label, X_CO, camera)).view(-1)
-            seen = depth > 0
-            p_CPs = (rays[seen] * depth[seen, None])[None]
-            areas = (depth[seen] ** 2 / (camera.fx * camera.fy))[None]
-            c = count(observation, p_CPs, areas, self._config.epsilon)
-            rows.append(c)
-        return Counts(*(torch.cat([getattr(c, f.name) for c in rows]) for f in dataclasses.fields(Counts)))
+        rows = [
+            count_picture(observation, self._renderer.depth(label, X_CO, observation.camera), self._config.epsilon)
+            for X_CO in poses(particles, model.p_OM)
+        ]
+        return Counts(*(torch.cat([getattr(row, f.name) for row in rows]) for f in dataclasses.fields(Counts)))
 
     def _posterior(
         self, observation: Observation, model: Appearance, modes: Particles, exact: Tensor, rng: np.random.Generator

@@ -215,6 +215,15 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     )
 
 
+def count_picture(observation: Observation, depth: NDArray[np.float32], epsilon: float) -> Counts:
+    """`count` of one pose, from a render (h, w) of it at the observation's own pixels; 0 where it shows nothing."""
+    camera = observation.camera
+    v, u = (torch.from_numpy(index) for index in np.nonzero(depth))
+    z = torch.from_numpy(depth[depth > 0])
+    p_CPs = pixel_rays(camera, u, v) * z[:, None]
+    return count(observation, p_CPs[None], (z**2 / (camera.fx * camera.fy))[None], epsilon)
+
+
 def paper_likelihood(counts: Counts, n: int) -> Tensor:
     """I / N, Sui et al. 2017, eq. 8, with N the observed points in the box."""
     return counts.inliers / max(n, 1)

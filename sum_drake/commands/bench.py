@@ -35,6 +35,33 @@ def add(commands: Commands) -> None:
     one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
     add_quiet(one)
     _add_pose(benches)
+    _add_speed(benches)
+
+
+def _add_speed(benches: Commands) -> None:
+    one = add_command(benches, "speed", _bench_speed, "what an object's pose costs", "bench speed --out out/speed")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="where results.json and report.html go")
+    one.add_argument("--quick", action="store_true", help="fewer particles, each measured once")
+    one.add_argument("--seed", type=int, metavar="S", default=0, help="of the scene (default: 0)")
+    add_catalogue(one)
+    one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
+    add_quiet(one)
+
+
+def _bench_speed(options: argparse.Namespace) -> None:
+    from sum_drake.bench.aims import format_figures
+    from sum_drake.bench.speed import AIMS, FILES, bench_speed
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    check_free(options.out, FILES, force=options.force, what="bench")
+    check_count("--seed", options.seed, least=0)
+    catalogue = load_catalogue(options.catalogue)
+    require_rendering()
+    progress = Counting(quiet=options.quiet)
+    found = bench_speed(options.out, catalogue, quick=options.quick, seed=options.seed, progress=progress)
+    print(format_figures(found, AIMS))
+    print(options.out / "report.html")
 
 
 def _add_pose(benches: Commands) -> None:
