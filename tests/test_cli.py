@@ -269,14 +269,20 @@ def test_detections_in_a_picture_are_written_drawn_and_told(capsys, tmp_path, we
         assert x >= 0 and y >= 0 and x + w <= 300 and y + h <= 200
     assert cv2.imread(str(out / "detections.png")).shape == (200, 300, 3)
     assert "--force" in refused(capsys, "detect", str(photo), "--weights", str(weights), "--out", str(out))
-    assert main(["detect", str(photo), "--weights", str(weights), "--out", str(out), "--force"]) == 0
+    least = ("--threshold", "0.99", "--depth", depth)
+    assert main(["detect", str(photo), *least, "--weights", str(weights), "--out", str(out), "--force"]) == 0
+    assert "learned proposer does not use it" in capsys.readouterr().err
+    assert json.loads((out / "detections.json").read_text()) == []
 
 
 def test_what_cannot_be_detected_in_or_with_is_refused_and_leaves_nothing(capsys, tmp_path, weights, photo):
     out = ("--out", str(tmp_path / "found"))
     depth = tmp_path / "depth.png"
     cv2.imwrite(str(depth), np.zeros((100, 300), np.uint16))
-    assert "300 x 200" in refused(capsys, "detect", str(photo), "--depth", str(depth), *out)
+    assert "300 x 200" in refused(capsys, "detect", str(photo), "--proposer", "edge_boxes", "--depth", str(depth), *out)
+    assert "--depth as well" in refused(capsys, "detect", str(photo), "--depth-scale", "0.01", *out)
+    assert "--threshold nan" in refused(capsys, "detect", str(photo), "--threshold", "nan", *out)
+    assert "a folder" in refused(capsys, "detect", str(photo), "--weights", str(tmp_path), *out)
     assert "w.safetensors: is no picture" in refused(capsys, "detect", str(weights), *out)
     assert "safetensors" in refused(capsys, "detect", str(photo), "--weights", str(photo), *out)
     assert "nowhere.png" in refused(capsys, "detect", "nowhere.png", *out)

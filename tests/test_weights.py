@@ -1,10 +1,12 @@
 """Weights on disk: what is written is what is read, and what is wrong is said in one line."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from sum_drake.assets import InputError
@@ -91,3 +93,32 @@ def test_tensors_that_do_not_fit(weights, tmp_path):
     with pytest.raises(InputError, match="fit their own description") as caught:
         load_weights(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"threshold": float("nan")}, "threshold: nan; expected a probability"),
+        ({"threshold": -1}, "threshold: -1; expected a probability"),
+        ({"threshold": None}, "threshold: None; expected a probability"),
+        ({"labels": [0, 1, 2]}, "labels: .*expected a list of names"),
+        ({"labels": "mug"}, "labels: mug; expected a list of names"),
+        ({"labels": ["mug"] * 3}, "named twice"),
+        ({"labels": ["one"]}, "1 labels for a network of 3"),
+        ({"calibration": {"box_temperature": 0.0}}, "box_temperature is 0"),
+        ({"calibration": {"label_temperature": float("inf")}}, "label_temperature is inf"),
+        ({"calibration": {"warmth": 1.0}}, "warmth"),
+    ],
+)
+def test_metadata_that_cannot_be(file, tmp_path, change, words):
+    with safe_open(file, framework="pt") as opened:
+        about = json.loads(opened.metadata()["sum-drake"])
+        tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118  # no mapping
+    spoiled = tmp_path / "spoiled.safetensors"
+    save_file(tensors, spoiled, metadata={"sum-drake": json.dumps(about | change)})
+    with pytest.raises(InputError, match=rf"spoiled.safetensors: .*{words}"):
+        load_weights(spoiled)
+    del about["threshold"]
+    save_file(tensors, spoiled, metadata={"sum-drake": json.dumps(about)})
+    with pytest.raises(InputError, match="its metadata lacks 'threshold'"):
+        load_weights(spoiled)

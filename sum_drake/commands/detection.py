@@ -63,13 +63,22 @@ def add(commands: Commands) -> None:
     detect = add_command(
         commands, "detect", _detect, "the objects in a picture of your own", "detect photo.jpg --out out/photo"
     )
-    detect.add_argument("picture", type=Path, metavar="PICTURE", help="PNG or JPEG, 160 to 4096 pixels a side")
-    detect.add_argument("--depth", type=Path, metavar="FILE", help="its depth, PNG of 16 bits; 0 where it is missing")
     detect.add_argument(
-        "--depth-scale", type=float, metavar="M", default=0.001, help="metres a unit of the depth (default: 0.001)"
+        "picture", type=Path, metavar="PICTURE", help="in colour: PNG or JPEG, 8 bit, 160 to 4096 pixels a side"
     )
     detect.add_argument(
-        "--proposer", metavar="NAME", default="learned", help="what proposes boxes; edge_boxes and others use the depth"
+        "--depth", type=Path, metavar="FILE", help="its depth, PNG of 16 bits, 0 where it is missing; for --proposer"
+    )
+    detect.add_argument(
+        "--depth-scale", type=float, metavar="M", help="metres a unit of the depth (default: 0.001, millimetres)"
+    )
+    detect.add_argument(
+        "--proposer", metavar="NAME", default="learned",
+        help="what proposes boxes: learned (default; of the colours alone), edge_boxes, edge_boxes_full, "
+        "edge_boxes_and_segments (of depth, too, where given), depth_segments (of depth alone)",
+    )  # fmt: skip
+    detect.add_argument(
+        "--threshold", type=float, metavar="P", help="least probability of a detection (default: the detector's)"
     )
     detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
     detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/detected/PICTURE)")
@@ -176,14 +185,22 @@ def _detect(options: argparse.Namespace) -> None:
     from sum_drake.detection.inference import load_detector
     from sum_drake.detection.listing import detection_rows, detection_table, draw_detections
     from sum_drake.detection.picture import read_depth, read_picture
+    from sum_drake.detection.proposers import LEARNED
     from sum_drake.jsonio import write_json
 
     out = options.out if options.out is not None else Path("out/detected") / options.picture.stem
     names = ("detections.json", "detections.png")
     check_free(out, names, force=options.force, what="detection")
+    if options.threshold is not None and not 0 < options.threshold < 1:
+        raise InputError(f"--threshold {options.threshold}: expected a probability, between 0 and 1")
+    if options.depth is not None and options.proposer == LEARNED:
+        print(f"--depth {options.depth}: the {LEARNED} proposer does not use it; others do", file=sys.stderr)
+    if options.depth_scale is not None and options.depth is None:
+        raise InputError(f"--depth-scale {options.depth_scale}: expected --depth as well")
     color = read_picture(options.picture)
-    depth = read_depth(options.depth, color.shape[:2], scale=options.depth_scale) if options.depth is not None else None
-    detector = load_detector(options.weights, proposer=options.proposer)
+    scale = 0.001 if options.depth_scale is None else options.depth_scale
+    depth = read_depth(options.depth, color.shape[:2], scale=scale) if options.depth is not None else None
+    detector = load_detector(options.weights, proposer=options.proposer, threshold=options.threshold)
     detections = detector(color, depth)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / names[0], detection_rows(detections))

@@ -6,6 +6,7 @@ that survived suppression is likelier an object than the boxes trained on.
 """
 
 import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,16 @@ from sum_drake.types import Array
 
 @dataclasses.dataclass(frozen=True)
 class Calibration:
-    """Temperatures of both questions."""
+    """Temperatures of both questions. Raises ValueError for some that are not positive, or not finite numbers."""
 
     box_temperature: float = 1.0
     box_offset: float = 0.0
     label_temperature: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in dataclasses.asdict(self).items():
+            if not math.isfinite(value) or (name != "box_offset" and value <= 0):
+                raise ValueError(f"calibration: {name} is {value}")
 
     def probabilities(self, logits: Array) -> Array:
         """Probabilities (n, classes) from logits: column 0 is 1 - p(b | z), the others p(b | z) p(o | b, z)."""

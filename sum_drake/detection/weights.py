@@ -85,7 +85,8 @@ def load_weights(path: Path | None = None, *, labels: Sequence[str] | None = Non
 
     path = DEFAULT if path is None else path
     if not path.is_file():
-        raise InputError(f"{path}: no such file; expected a detector's weights, as sum-drake train writes them")
+        problem = "a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {problem}; expected a detector's weights, as sum-drake train writes them")
     try:
         with safe_open(path, framework="pt") as file:
             about = json.loads((file.metadata() or {}).get(_KEY, "null"))
@@ -105,14 +106,28 @@ def load_weights(path: Path | None = None, *, labels: Sequence[str] | None = Non
 def _read(path: Path, about: Any, tensors: "dict[str, Tensor]") -> Weights:
     if not isinstance(about, dict) or about.get("schema") != SCHEMA:
         raise InputError(f"{path}: its metadata names no {SCHEMA}; expected weights that sum-drake train wrote")
+    missing = [name for name in ("labels", "width", "hidden", "calibration", "threshold") if name not in about]
+    if missing:
+        raise InputError(f"{path}: its metadata lacks '{missing[0]}'; expected weights that sum-drake train wrote")
+    labels, threshold = about["labels"], about["threshold"]
+    if not isinstance(labels, list) or not all(isinstance(label, str) for label in labels) or not labels:
+        raise InputError(f"{path}: labels: {str(labels)[:60]}; expected a list of names")
+    if len(set(labels)) < len(labels):
+        raise InputError(f"{path}: labels: some are named twice; expected as many names as classes")
+    # Infinite is the threshold of a detector that is always wrong.
+    if not isinstance(threshold, int | float) or not threshold >= 0:
+        raise InputError(f"{path}: threshold: {threshold}; expected a probability")
+    classes = len(tensors["classify.bias"]) - 1 if "classify.bias" in tensors else len(labels)
+    if classes != len(labels):
+        raise InputError(f"{path}: {len(labels)} labels for a network of {classes}; expected one for each")
     try:
         weights = Weights(
-            labels=tuple(about["labels"]),
+            labels=tuple(labels),
             width=int(about["width"]),
             hidden=int(about["hidden"]),
             tensors=tensors,
             calibration=Calibration(**about["calibration"]),
-            threshold=float(about["threshold"]),
+            threshold=float(threshold),
         )
         weights.network()
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
