@@ -22,7 +22,7 @@ import torch
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet
 from sum_drake.detection.evaluation import calibrated, evaluate, figures
-from sum_drake.detection.inference import MAX_PROPOSALS, Detector
+from sum_drake.detection.inference import MAX_PROPOSALS, WORKING_SIZE, Detector
 from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.weights import load_weights
 from sum_drake.files import write_whole
@@ -71,7 +71,8 @@ def main() -> None:
         rows.append(measure(name, images))
         print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
     options.out.parent.mkdir(exist_ok=True)
-    write_whole(options.out, json.dumps({"split": "validation", "images": len(images), "rows": rows}, indent=2) + "\n")
+    result = {"split": "validation", "images": len(images), "working_size": WORKING_SIZE, "rows": rows}
+    write_whole(options.out, json.dumps(result, indent=2) + "\n")
 
 
 if __name__ == "__main__":
