@@ -16,7 +16,7 @@ from sum_drake.detection.training import Recipe, read_log, train
 from sum_drake.detection.training_report import write_results
 
 RECIPE = Recipe(
-    epochs=4,
+    epochs=8,
     batch=2,
     boxes=32,
     rate=2e-3,
@@ -111,8 +111,11 @@ def test_too_few_pictures(cards, tmp_path):
 
 def test_log_is_one_json_object_a_line(trained):
     lines = [json.loads(line) for line in (trained[0] / "log.jsonl").read_text().splitlines()]
-    assert lines[0]["step"] == 0 and lines[-1]["step"] == 24
-    assert sum(line.keys() >= {"objectness", "proposals", "classes", "corrections"} for line in lines) == 24 // 20
+    assert lines[0]["step"] == 0 and lines[-1]["step"] == 6 * RECIPE.epochs
+    assert (
+        sum(line.keys() >= {"objectness", "proposals", "classes", "corrections"} for line in lines)
+        == 6 * RECIPE.epochs // 20
+    )
     assert sum(line.keys() >= {"map50", "map50_95", "recall", "top1"} for line in lines) == 1 + RECIPE.epochs
 
 
