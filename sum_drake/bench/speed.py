@@ -38,7 +38,7 @@ TRIANGLES = (100, 400, 1000, 2000)
 OBJECTS, QUICK_OBJECTS = (1, 2, 4, 8), (1, 4)
 TILE = 32
 """The paper preset's."""
-EPSILON = 0.008
+EPSILON = filter_config("paper").epsilon
 """The paper's inlier distance, metres."""
 SCENE = 500
 """Seed of the scene that is looked at: neither one of the bench of poses nor tuned on."""

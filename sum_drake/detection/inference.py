@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 WORKING_SIZE = 800
 """Longer side of the pictures that the network looks at, pixels; others are scaled to it.
 
-Trained on pictures of 640, scaled by .75 to 1.4. On validation pictures of 640 x 480, mAP@.5, recall at the working
-threshold and top-1 on true boxes are .935, .905, .911 at 640, .943, .918, .916 at 800 and .934, .915, .924 at 960.
+Trained on pictures of 640, scaled by .75 to 1.4. On validation pictures of 640 x 480, mAP@.5, recall at .9 false
+positives a picture and top-1 on true boxes are .935, .905, .911 at 640, .943, .918, .916 at 800 and .934, .915, .924 at
+960.
 """
 MAX_PROPOSALS = {LEARNED: 100}
 """Proposals classified; 300 of any proposer that is not named here."""
