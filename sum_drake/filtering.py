@@ -21,6 +21,8 @@ from sum_drake.geometry import (
     super_fibonacci,
 )
 from sum_drake.likelihood import (
+    BELIEF,
+    TERMS,
     Counts,
     Observation,
     confidence,
@@ -31,12 +33,13 @@ from sum_drake.likelihood import (
     paper_likelihood,
     pixel_rays,
     register,
+    terms,
     thinned,
 )
-from sum_drake.modes import distinct, expected_hits, near_share, tempered
+from sum_drake.modes import Modes, distinct, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
+from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
-from sum_drake.resampling import systematic
 from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
 
@@ -57,10 +60,12 @@ class PoseEstimate(Immutable):
     """(4, 4): the best pose."""
     likelihood: float
     """Of the best pose, in [0, 1]; 0 where there was nothing to see."""
+    modes: Modes
+    """The rival poses that were compared at the end; X_WO alone where the filter compares none."""
     features: tuple[tuple[str, float], ...]
-    """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (of the
-    belief, as a share), translation_std_m, rotation_std_rad, right_pose (share of the belief within 2 cm and 20 degrees
-    of the estimate)."""
+    """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (share of the
+    draws that the belief was made from), translation_std_m, rotation_std_rad, right_pose (share of the belief within 2
+    cm and 20 degrees of the estimate)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -220,11 +225,11 @@ class PoseEstimator:
             turned = join(moved, turned[registered:])
         return turned
 
-    def _score(self, observation: Observation, shown: Shown, epsilon: float) -> Tensor:
-        """Log-likelihood of what is shown, (n,)."""
+    def _score(self, observation: Observation, shown: Shown, epsilon: float, *, soft: bool = True) -> Tensor:
+        """Log-likelihood of what is shown, (n,). soft: as of `count`, for all but the published score."""
         if self._config.score == "inliers":
             return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log()
-        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=True), observation)
+        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft), observation)
 
     def _conclude(
         self,
@@ -240,29 +245,36 @@ class PoseEstimator:
         symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
             # As published: the weighted particles are the belief, the most likely one the estimate.
-            best, weights, looked_at = particles[scores.argmax()[None]], tempered(scores, 0.0), observation
-            counts = self._exact(observation, label, model, best)
+            modes, weights, looked_at = particles[scores.argmax()[None]], tempered(scores, 0.0), observation
+            effective = 1.0 / (float((weights**2).sum()) * len(weights))
+            shares, chosen = np.ones(1), 0
+            counts = self._exact(observation, label, model, modes)
         else:
-            modes = distinct(particles, scores, config.candidates)
-            few = modes[: config.candidates // 4]
-            turned = join(modes, *(Particles(few.R_COs @ spin, few.p_CMs) for spin in _SPINS))
-            # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
-            for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
-                turned = _registered(observation, model, turned, reach)
-            candidates = join(modes, turned)
-            rough = self._score(observation, model.show(candidates), config.epsilon)
-            modes = distinct(candidates, rough, config.candidates)
+            modes = self._rivals(observation, model, particles, scores)
             looked_at = thinned(observation)
             counts = self._exact(looked_at, label, model, modes)
-            exact = log_likelihood(counts, looked_at)
-            particles, weights = self._posterior(observation, model, modes, exact, rng)
-            shares = torch.softmax(exact, 0).double().numpy()
+            # Registration makes an optimiser of the filter, whose particles say nothing of how sure it is: the belief
+            # is drawn anew.
+            particles, effective = sample_posterior(
+                lambda drawn: BELIEF * self._score(observation, model.show(drawn), config.epsilon, soft=False),
+                modes,
+                BELIEF * log_likelihood(counts, looked_at),
+                config.particles_last,
+                sigma_p=config.noise_translation,
+                sigma_R=2 * config.noise_rotation,
+                rng=rng,
+            )
+            weights = torch.full((len(particles),), 1.0 / len(particles))
+            shares = torch.softmax(log_likelihood(counts, looked_at), 0).double().numpy()
             chosen = int(expected_hits(poses(modes, model.p_OM), shares, symmetry).argmax())
-            best = modes[chosen : chosen + 1]
-            counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
+        rivals = to_world(modes, frame, model.p_OM)
+        order = np.argsort(-shares, kind="stable")
+        told = Modes(
+            readonly(rivals[order]), readonly(shares[order]), readonly(terms(counts, looked_at)[order].numpy())
+        )
+        counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
         value = (paper_likelihood if config.score == "inliers" else confidence)(counts, looked_at.n)
-        X_WOs = to_world(particles, frame, model.p_OM)
-        X_WO = to_world(best, frame, model.p_OM)[0]
+        X_WOs, X_WO = to_world(particles, frame, model.p_OM), rivals[chosen]
         p = weights.double().numpy()
         p = p / p.sum()
         shift = np.sqrt(p @ ((X_WOs[:, :3, 3] - X_WO[:3, 3]) ** 2).sum(-1))
@@ -273,7 +285,7 @@ class PoseEstimator:
             "occluded": float(counts.occluded[0]),
             "rendered": float(counts.rendered[0]),
             "observed": float(looked_at.n),
-            "effective_sample_size": float(1.0 / (p @ p) / len(p)),
+            "effective_sample_size": effective,
             "translation_std_m": float(shift),
             "rotation_std_rad": float(angle),
             "right_pose": near_share(X_WO, X_WOs, p, symmetry),
@@ -282,8 +294,21 @@ class PoseEstimator:
             PoseBelief(readonly(X_WOs), readonly(p)),
             readonly(X_WO),
             float(np.clip(float(value[0]), 0.0, 1.0)),
+            told,
             tuple(features.items()),
         )
+
+    def _rivals(self, observation: Observation, model: Appearance, particles: Particles, scores: Tensor) -> Particles:
+        """The best particles that differ, and what they become when they are turned and registered anew."""
+        config = self._config
+        modes = distinct(particles, scores, config.candidates)
+        few = modes[: config.candidates // 4]
+        turned = join(modes, *(Particles(few.R_COs @ spin, few.p_CMs) for spin in _SPINS))
+        # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
+        for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
+            turned = _registered(observation, model, turned, reach)
+        candidates = join(modes, turned)
+        return distinct(candidates, self._score(observation, model.show(candidates), config.epsilon), config.candidates)
 
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
@@ -292,31 +317,6 @@ class PoseEstimator:
             for X_CO in poses(particles, model.p_OM)
         ]
         return Counts(*(torch.cat([getattr(row, f.name) for row in rows]) for f in dataclasses.fields(Counts)))
-
-    def _posterior(
-        self, observation: Observation, model: Appearance, modes: Particles, exact: Tensor, rng: np.random.Generator
-    ) -> tuple[Particles, Tensor]:
-        """Weighted particles of the posterior around the modes, whose log-likelihoods are `exact` (m,).
-
-        Registration makes an optimiser of the filter, whose particles say nothing of how sure it is. So the belief is
-        drawn anew, by importance sampling from a mixture of Gaussians about the modes.
-        """
-        config = self._config
-        n = config.particles_last
-        sigma_p, sigma_R = 3 * config.noise_translation, 2 * config.noise_rotation
-        shares = torch.softmax(exact, 0) * 0.8 + 0.2 / len(exact)
-        chosen = torch.from_numpy(systematic(shares.double().numpy(), n, rng.random()))
-        noise_p = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_p
-        noise_R = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_R
-        # The mode itself stays among the particles.
-        noise_p[0] = noise_R[0] = 0
-        drawn = turn(modes[chosen], noise_R, noise_p)
-        score = log_likelihood(count(observation, *_points(model.show(drawn)), config.epsilon), observation)
-        shift = (drawn.p_CMs[:, None] - modes.p_CMs).norm(dim=-1) / sigma_p  # (n, modes)
-        cosine = (torch.einsum("nij,mij->nm", drawn.R_COs, modes.R_COs) - 1) / 2
-        angle = torch.arccos(cosine.clamp(-1, 1)) / sigma_R
-        log_q = torch.logsumexp(shares.log() - (shift**2 + angle**2) / 2, dim=1)
-        return drawn, torch.softmax(score - log_q, 0)
 
 
 def _about_axes(*angles: float) -> Tensor:
@@ -336,10 +336,6 @@ _SPINS = torch.cat(
 def _fall(first: float, last: float, share: float) -> float:
     """From first to last, geometrically, as share goes from 0 to 1."""
     return first * (last / first) ** share if first > 0 and last > 0 else last
-
-
-def _points(shown: Shown) -> tuple[Tensor, Tensor]:
-    return shown.p_CPs, shown.areas
 
 
 def _registered(observation: Observation, model: Appearance, particles: Particles, reach: float) -> Particles:
@@ -370,4 +366,5 @@ def _nothing_seen(
         ("rotation_std_rad", float(np.pi)),
         ("right_pose", 0.0),
     )
-    return PoseEstimate(belief, readonly(best), 0.0, features)
+    modes = Modes(readonly(best[None]), readonly(np.ones(1)), readonly(np.zeros((1, len(TERMS)))))
+    return PoseEstimate(belief, readonly(best), 0.0, modes, features)

@@ -229,15 +229,21 @@ def paper_likelihood(counts: Counts, n: int) -> Tensor:
     return counts.inliers / max(n, 1)
 
 
-INLIER, FREE, SIDE = 7.6, 15.0, 1.1
-"""Weights of the log-likelihood. Pixels are no independent witnesses, so what a box full of them says was measured: a
-conditional logit over the rival modes of poured scenes."""
+TERMS = ("explained", "contradicted", "sides")
+"""What the log-likelihood is made of, see `terms`."""
+WEIGHTS = 7.6, -15.0, -1.1
+"""Of the terms. Pixels are no independent witnesses, so what a box full of them says was measured: a conditional logit
+over the rival modes of poured scenes, `benchmarks/mode_fit.py`."""
+BELIEF = 6.0
+"""Power of the likelihood that beliefs are drawn by. Near a mode the weights, which tell modes apart, make too little
+of a pixel; at this power the share of a belief that is near the estimate is how often the estimate is right.
+Measured, as the weights are."""
 SIDE_ERROR, SIDE_CAP = 0.15, 4.0
 """Standard deviation of a side of a box, as a share of its size, and the most that one side can say."""
 
 
-def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
-    """log p(z, b | q) up to a constant, (n,): what is explained of the box, what is contradicted, and the box's sides.
+def terms(counts: Counts, observation: Observation) -> Tensor:
+    """(n, 3), of each pose: inliers over N, impossible pixels over N, and how far off the box's sides are.
 
     Hidden points count neither way. Each side of the box should be where what is seen of the object ends, give or take
     a detector's error; a side that is far off says no more than that the box is wrong.
@@ -247,7 +253,13 @@ def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
     box = torch.tensor([x, y, x + w, y + h], dtype=counts.sides.dtype)
     size = torch.tensor([w, h, w, h], dtype=counts.sides.dtype).clamp(min=1.0)
     off = ((counts.sides - box) / (size * SIDE_ERROR)) ** 2 / 2
-    return INLIER * counts.inliers / n - FREE * counts.free_space / n - SIDE * off.clamp(max=SIDE_CAP).sum(-1)
+    return torch.stack([counts.inliers / n, counts.free_space / n, off.clamp(max=SIDE_CAP).sum(-1)], -1)
+
+
+def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
+    """log p(z, b | q) up to a constant, (n,): the weighted sum of `terms`."""
+    found = terms(counts, observation)
+    return found @ torch.tensor(WEIGHTS, dtype=found.dtype)
 
 
 def confidence(counts: Counts, n: int) -> Tensor:

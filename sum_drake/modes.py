@@ -1,18 +1,32 @@
 """Rival poses of one object: which of them differ, what each is worth, and which is likeliest to be right."""
 
+import dataclasses
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from sum_drake.geometry import Symmetry, pose_error
 from sum_drake.particles import Particles
-from sum_drake.types import Array
+from sum_drake.types import Array, Immutable
 
 RIGHT = 0.02, 20.0
 """Metres and degrees within which a pose is right."""
 WANTED = (RIGHT, (0.01, 10.0), (0.005, 4.0))
 """What an estimate should be within, as often as can be: the coarse bound decides between rivals that lie apart, the
 finer ones between those that lie together."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Modes(Immutable):
+    """Rival poses of one object, likeliest first."""
+
+    X_WOs: Array
+    """(m, 4, 4), m >= 1."""
+    probabilities: Array
+    """(m,), which sum to 1: of the mode's surroundings, not of the very pose."""
+    terms: Array
+    """(m, 3): what their likelihood is made of, `likelihood.TERMS`."""
 
 
 def distinct(particles: Particles, scores: Tensor, limit: int) -> Particles:

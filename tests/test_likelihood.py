@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from sum_drake.geometry import rotation_from_vector
 from sum_drake.likelihood import (
-    INLIER,
     SIDE_ERROR,
+    WEIGHTS,
     Counts,
     Observation,
     confidence,
@@ -52,7 +52,7 @@ def test_a_perfect_render_explains_everything() -> None:
     for score in (paper_likelihood, confidence):
         assert float(score(counts, observation.n)[0]) == pytest.approx(1.0, abs=1e-5)
     np.testing.assert_allclose(counts.sides, [[0, 0, 80, 60]])
-    assert float(log_likelihood(counts, observation)[0]) == pytest.approx(INLIER, abs=1e-3), "the most there is"
+    assert float(log_likelihood(counts, observation)[0]) == pytest.approx(WEIGHTS[0], abs=1e-3), "the most there is"
 
 
 def test_epsilon_is_the_euclidean_distance_of_both_points() -> None:
