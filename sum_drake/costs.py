@@ -29,12 +29,27 @@ class Costs:
 
 def peak_memory_mib() -> float:
     """The most memory that this process has held at any time, MiB."""
-    try:
-        # What getrusage says of a process includes what its parent held when it was started.
-        lines = Path("/proc/self/status").read_text().splitlines()
-        return int(next(line.split()[1] for line in lines if line.startswith("VmHWM:"))) / 1024
-    except (OSError, StopIteration):
-        import resource
+    # What getrusage says of a process includes what its parent held when it was started.
+    told = _told_mib("VmHWM")
+    return _peak_by_getrusage() if told is None else told
 
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return peak / 2**20 if sys.platform == "darwin" else peak / 1024
+
+def memory_mib() -> float:
+    """The memory that this process holds, MiB; where the system does not say, the most that it has held."""
+    told = _told_mib("VmRSS")
+    return _peak_by_getrusage() if told is None else told
+
+
+def _told_mib(key: str) -> float | None:
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return int(next(line.split()[1] for line in lines if line.startswith(f"{key}:"))) / 1024
+    except (OSError, StopIteration):
+        return None
+
+
+def _peak_by_getrusage() -> float:
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 1024

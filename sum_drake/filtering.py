@@ -13,12 +13,14 @@ import torch
 from torch import Tensor
 
 from sum_drake.appearance import Appearance, Appearances, Shown
+from sum_drake.depth_tolerance import PERFECT, depth_tolerance
 from sum_drake.filter_config import FilterConfig
 from sum_drake.geometry import (
     rotation_error,
     rotation_from_quaternion,
     rotation_from_vector,
     super_fibonacci,
+    transform,
 )
 from sum_drake.likelihood import (
     BELIEF,
@@ -40,15 +42,12 @@ from sum_drake.modes import Modes, distinct, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
 from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
+from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
-
-
-ON_PLANE = 0.008
-"""Observed points that are so near the support belong to it, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,14 +82,25 @@ class PoseRequest:
 class PoseEstimator:
     """Estimates poses of a catalogue's objects, one box and label at a time; keeps what it rendered of each label.
 
-    appearances: shared with other estimators of the same catalogue; default: its own. Use it from the thread that made
-    it: VTK renders wrongly elsewhere, which raises RuntimeError here.
+    noise: of the depth sensor, which inlier distances follow from. device: torch's, where points are compared; all is
+    drawn and rendered on the CPU. appearances: shared with other estimators of the same catalogue, and theirs is the
+    device; default: its own. Use it from the thread that made it: VTK renders wrongly elsewhere, which raises
+    RuntimeError here.
     """
 
-    def __init__(self, catalogue: "Catalogue", config: FilterConfig, *, appearances: Appearances | None = None) -> None:
+    def __init__(
+        self,
+        catalogue: "Catalogue",
+        config: FilterConfig,
+        *,
+        noise: DepthNoiseConfig | None = None,
+        device: str = "cpu",
+        appearances: Appearances | None = None,
+    ) -> None:
         self._catalogue = catalogue
         self._config = config
-        self._appearances = Appearances(catalogue, config.render) if appearances is None else appearances
+        self._noise = DepthNoiseConfig() if noise is None else noise
+        self._appearances = appearances or Appearances(catalogue, config.render, device=device)
         self._renderer = DepthRenderer(catalogue)
 
     @property
@@ -129,11 +139,12 @@ class PoseEstimator:
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
         model = self._appearances[label]
-        plane = support_plane(frame, box, rng, tolerance=ON_PLANE) if self._config.support else None
-        observation = observe(frame, box, plane=plane, tolerance=ON_PLANE)
-        if observation.n == 0:
-            return _nothing_seen(frame, box, model, prior, rng, self._config.particles_last)
         config = self._config
+        tolerance = depth_tolerance(self._noise, frame.camera, _distance(frame, box)) if config.sensor else PERFECT
+        plane = support_plane(frame, box, rng, tolerance=tolerance.plane) if config.support else None
+        observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
+        if observation.n < max(tolerance.least_points, 1):
+            return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
         if prior is None:
             particles = self._start(observation, model, config.particles, rng)
             particles, scores = self._search(observation, model, particles, config.iterations, 0.0, rng)
@@ -147,6 +158,7 @@ class PoseEstimator:
 
     def _start(self, observation: Observation, model: Appearance, n: int, rng: np.random.Generator) -> Particles:
         """Particles spread over what the box allows."""
+        observation = observation.to("cpu")
         v, u = torch.nonzero(observation.in_box, as_tuple=True)
         z = observation.depth[v, u]
         camera = observation.camera
@@ -163,9 +175,9 @@ class PoseEstimator:
         pixel = torch.from_numpy(rng.integers(len(u), size=n))
         p_CQs = pixel_rays(camera, u[pixel], v[pixel]) * z[pixel, None]
         rays = p_CQs / p_CQs.norm(dim=-1, keepdim=True)
-        p_MPs = model.show(Particles(R_COs, p_CQs)).p_CPs - p_CQs[:, None]
+        p_MPs = model.show(Particles(R_COs, p_CQs)).p_CPs.cpu() - p_CQs[:, None]
         along = (p_MPs * rays[:, None]).sum(-1)
-        nearest = (p_MPs - along[..., None] * rays[:, None]).norm(dim=-1).argmin(-1)
+        nearest = ((p_MPs * p_MPs).sum(-1) - along**2).argmin(-1)
         return Particles(R_COs, p_CQs - rays * along.gather(1, nearest[:, None]))
 
     def _search(
@@ -185,7 +197,7 @@ class PoseEstimator:
         scores = torch.zeros(0)
         for i in range(iterations):
             share = begin + (1 - begin) * i / max(iterations - 1, 1)
-            epsilon = _fall(config.epsilon_first, config.epsilon, share)
+            epsilon = observation.tolerance.epsilon(_fall(config.epsilon_first, config.epsilon, share))
             if i > 0:
                 n = round(_fall(count_first, config.particles_last, i / max(iterations - 1, 1)))
                 weights = tempered(scores, config.effective_share)
@@ -226,10 +238,10 @@ class PoseEstimator:
         return turned
 
     def _score(self, observation: Observation, shown: Shown, epsilon: float, *, soft: bool = True) -> Tensor:
-        """Log-likelihood of what is shown, (n,). soft: as of `count`, for all but the published score."""
+        """Log-likelihood of what is shown, (n,), on the CPU. soft: as of `count`, for all but the published score."""
         if self._config.score == "inliers":
-            return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log()
-        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft), observation)
+            return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log().cpu()
+        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft), observation).cpu()
 
     def _conclude(
         self,
@@ -242,21 +254,23 @@ class PoseEstimator:
         rng: np.random.Generator,
     ) -> PoseEstimate:
         config = self._config
+        epsilon = observation.tolerance.epsilon(config.epsilon)
         symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
             # As published: the weighted particles are the belief, the most likely one the estimate.
-            modes, weights, looked_at = particles[scores.argmax()[None]], tempered(scores, 0.0), observation
+            modes, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
+            looked_at = observation.to("cpu")
             effective = 1.0 / (float((weights**2).sum()) * len(weights))
             shares, chosen = np.ones(1), 0
             counts = self._exact(observation, label, model, modes)
         else:
             modes = self._rivals(observation, model, particles, scores)
-            looked_at = thinned(observation)
+            looked_at = thinned(observation).to("cpu")
             counts = self._exact(looked_at, label, model, modes)
             # Registration makes an optimiser of the filter, whose particles say nothing of how sure it is: the belief
             # is drawn anew.
             particles, effective = sample_posterior(
-                lambda drawn: BELIEF * self._score(observation, model.show(drawn), config.epsilon, soft=False),
+                lambda drawn: BELIEF * self._score(observation, model.show(drawn), epsilon, soft=False),
                 modes,
                 BELIEF * log_likelihood(counts, looked_at),
                 config.particles_last,
@@ -299,24 +313,45 @@ class PoseEstimator:
         )
 
     def _rivals(self, observation: Observation, model: Appearance, particles: Particles, scores: Tensor) -> Particles:
-        """The best particles that differ, and what they become when they are turned and registered anew."""
+        """The best particles that differ, and what they become when they are moved and registered anew.
+
+        The moves are those after which the object looks nearly the same, and small turns.
+        """
         config = self._config
         modes = distinct(particles, scores, config.candidates)
         few = modes[: config.candidates // 4]
-        turned = join(modes, *(Particles(few.R_COs @ spin, few.p_CMs) for spin in _SPINS))
+        turned = join(modes, _moved_in_itself(few, np.concatenate([model.X_MNs, _NUDGES])))
         # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
         for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
             turned = _registered(observation, model, turned, reach)
         candidates = join(modes, turned)
-        return distinct(candidates, self._score(observation, model.show(candidates), config.epsilon), config.candidates)
+        epsilon = observation.tolerance.epsilon(config.epsilon)
+        rivals = distinct(candidates, self._score(observation, model.show(candidates), epsilon), config.candidates)
+        # Rivals are compared at their best: one that is placed less well would lose for that alone.
+        tried = rivals
+        for _ in range(4):
+            tried = _registered(observation, model, tried, 2 * epsilon)
+        both = join(rivals, tried)
+        return distinct(both, self._score(observation, model.show(both), epsilon), config.candidates)
 
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
+        epsilon = observation.tolerance.epsilon(self._config.epsilon)
         rows = [
-            count_picture(observation, self._renderer.depth(label, X_CO, observation.camera), self._config.epsilon)
+            count_picture(observation, self._renderer.depth(label, X_CO, observation.camera), epsilon)
             for X_CO in poses(particles, model.p_OM)
         ]
         return Counts(*(torch.cat([getattr(row, f.name) for row in rows]) for f in dataclasses.fields(Counts)))
+
+
+def _distance(frame: Frame, box: Box) -> float:
+    """Median depth in a box, metres; 1 where nothing was measured."""
+    x, y, w, h = box
+    top, bottom = (int(np.clip(np.ceil(v), 0, frame.camera.height)) for v in (y, y + h))
+    left, right = (int(np.clip(np.ceil(u), 0, frame.camera.width)) for u in (x, x + w))
+    depth = frame.depth[top:bottom, left:right]
+    seen = depth[np.isfinite(depth) & (depth > 0)]
+    return float(np.median(seen)) if len(seen) else 1.0
 
 
 def _about_axes(*angles: float) -> Tensor:
@@ -326,11 +361,16 @@ def _about_axes(*angles: float) -> Tensor:
 
 _TURNS = _about_axes(180, 90, -90)
 """(9, 3, 3): half and quarter turns about an object's axes, which depth hardly tells apart on many a product."""
-_ENDS = torch.stack([torch.eye(3), *_about_axes(180)[[1, 2, 0]]])
-_SPINS = torch.cat(
-    [_about_axes(*range(0, 360, 30))[axis::3] @ end for axis in range(3) for end in (_ENDS[0], _ENDS[1 + axis])]
-)[1:]
-"""(71, 3, 3): all twelfths of a turn about each axis, either end up."""
+_NUDGES = transform(_about_axes(15, -15, 30, -30).double().numpy(), np.zeros((12, 3)))
+"""(12, 4, 4): small turns, from which registration finds another way."""
+
+
+def _moved_in_itself(particles: Particles, X_MNs: Array) -> Particles:
+    """Each particle after each motion (k, 4, 4) about its middle."""
+    R_MNs, p_MNs = torch.from_numpy(X_MNs[:, :3, :3].copy()).float(), torch.from_numpy(X_MNs[:, :3, 3].copy()).float()
+    R_COs = particles.R_COs[:, None]
+    p_CNs = particles.p_CMs[:, None] + (R_COs @ p_MNs[None, :, :, None]).squeeze(-1)
+    return Particles((R_COs @ R_MNs).flatten(0, 1), p_CNs.flatten(0, 1))
 
 
 def _fall(first: float, last: float, share: float) -> float:
@@ -339,9 +379,11 @@ def _fall(first: float, last: float, share: float) -> float:
 
 
 def _registered(observation: Observation, model: Appearance, particles: Particles, reach: float) -> Particles:
-    shown = model.show(particles)
+    shown = model.show(particles, normals=True)
     assert shown.normals_C is not None
-    return turn(particles, *register(observation, shown.p_CPs, shown.normals_C, particles.p_CMs, reach))
+    p_CMs = particles.p_CMs.to(shown.p_CPs.device)
+    w_C, shift_C = register(observation, shown.p_CPs, shown.normals_C, p_CMs, reach)
+    return turn(particles, w_C.cpu(), shift_C.cpu())
 
 
 def _nothing_seen(

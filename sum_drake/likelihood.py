@@ -14,13 +14,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from sum_drake.depth_tolerance import PERFECT, DepthTolerance
 from sum_drake.support import Plane
 from sum_drake.types import Box, Camera, Frame, Immutable
+
+_PICTURES = ("depth", "in_box", "at_edge", "support", "beyond")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Observation(Immutable):
-    """The part of a frame around a box that poses are compared with."""
+    """The part of a frame around a box that poses are compared with, on the device of its tensors."""
 
     camera: Camera
     """Of the crop: the principal point is moved, nothing else."""
@@ -29,7 +32,8 @@ class Observation(Immutable):
     in_box: Tensor
     """(h, w) bool: in the box, and not of the plane that the object stands on."""
     at_edge: Tensor
-    """(h, w) bool: the depth jumps in the 3 x 3 pixels around, so that neither side of the jump can be trusted."""
+    """(h, w) bool: the depth jumps in the 3 x 3 pixels around, so that neither side of the jump can be trusted, or what
+    lies before it may have reached here."""
     support: Tensor
     """(h, w) bool: of that plane."""
     beyond: Tensor
@@ -38,7 +42,13 @@ class Observation(Immutable):
     """In pixels of the crop."""
     n: int
     """N: observed points in the box, those of the plane aside."""
+    tolerance: DepthTolerance
+    """Of what the sensor makes of what is in the box."""
     plane: Plane | None = None
+
+    def to(self, device: str) -> "Observation":
+        """The same on a device."""
+        return dataclasses.replace(self, **{name: getattr(self, name).to(device) for name in _PICTURES})
 
 
 def observe(
@@ -46,15 +56,13 @@ def observe(
     box: Box,
     *,
     margin: float = 1.0,
-    jump: float = 0.02,
+    tolerance: DepthTolerance = PERFECT,
     plane: Plane | None = None,
-    tolerance: float = 0.0,
 ) -> Observation:
     """The crop of a frame that reaches `margin` times the box's size beyond its sides.
 
-    `jump` is the difference in depth, metres, that makes an edge. `plane`: what the object stands on; what was observed
-    within `tolerance` metres of it is nothing to be explained, unless that is all there is. A box that covers no pixel
-    gives N = 0.
+    `plane`: what the object stands on; what was observed of it is nothing to be explained, unless that is all there is.
+    A box that covers no pixel gives N = 0.
     """
     x, y, w, h = box
     left, top = max(0, int(np.floor(x - margin * w))), max(0, int(np.floor(y - margin * h)))
@@ -75,20 +83,21 @@ def observe(
         x_n, y_n = (np.arange(camera.width) - camera.cx) / camera.fx, (np.arange(camera.height) - camera.cy) / camera.fy
         a, b, c = plane.normal_C
         height = depth * (a * x_n[None, :] + b * y_n[:, None] + c) + plane.offset
-        support = (depth > 0) & (np.abs(height) < tolerance)
+        support = (depth > 0) & (np.abs(height) < tolerance.plane)
         if np.count_nonzero(valid & ~support) < LEAST_LEFT * np.count_nonzero(valid):
             support, plane = np.zeros_like(in_box), None
     return Observation(
         camera,
         torch.from_numpy(depth),
         torch.from_numpy(in_box & ~support),
-        torch.from_numpy(_edges(depth, jump)),
+        torch.from_numpy(_edges(depth, tolerance.jump, tolerance.bleed)),
         torch.from_numpy(support),
         torch.from_numpy(
             (np.maximum(x - u, u - x - w) > SIDE_ERROR * w) | (np.maximum(y - v, v - y - h) > SIDE_ERROR * h)
         ),
         (x - left, y - top, w, h),
         int(np.count_nonzero(valid & ~support)),
+        tolerance,
         plane,
     )
 
@@ -106,10 +115,7 @@ def thinned(observation: Observation, *, margin: float = 0.35, pixels: int = 800
     if right - left < 2 or bottom - top < 2:
         return observation
     step = max(1, round(((right - left) * (bottom - top) / pixels) ** 0.5))
-    kept = {
-        name: getattr(observation, name)[top:bottom:step, left:right:step].contiguous()
-        for name in ("depth", "in_box", "at_edge", "support", "beyond")
-    }
+    kept = {name: getattr(observation, name)[top:bottom:step, left:right:step].contiguous() for name in _PICTURES}
     height, width = kept["depth"].shape
     return Observation(
         **kept,
@@ -118,6 +124,7 @@ def thinned(observation: Observation, *, margin: float = 0.35, pixels: int = 800
         ),
         box=((x - left) / step, (y - top) / step, w / step, h / step),
         n=int((kept["in_box"] & (kept["depth"] > 0)).sum()),
+        tolerance=observation.tolerance,
         plane=observation.plane,
     )
 
@@ -128,11 +135,15 @@ SUNK = 0.01
 """Points that lie deeper than this under the plane cannot be, metres."""
 
 
-def _edges(depth: NDArray[np.float32], jump: float) -> NDArray[np.bool_]:
+def _edges(depth: NDArray[np.float32], jump: float, bleed: int) -> NDArray[np.bool_]:
     padded = np.pad(depth, 1, mode="edge")
     around = [padded[i : i + depth.shape[0], j : j + depth.shape[1]] for i in range(3) for j in range(3)]
     nearest = np.min([np.where(a > 0, a, np.inf) for a in around], axis=0)
-    return np.asarray(np.max(around, axis=0) - nearest > jump)
+    edges = np.asarray(np.max(around, axis=0) - nearest > jump)
+    for shift in range(2, bleed + 2):
+        right = np.where(depth[:, shift:] > 0, depth[:, shift:], np.inf)
+        edges[:, :-shift] |= depth[:, :-shift] - right > jump
+    return edges
 
 
 def pixel_rays(camera: Camera, u: Tensor, v: Tensor) -> Tensor:
@@ -157,8 +168,8 @@ class Counts:
     """(n, 4): left, top, right and bottom of what was matched, in or about the box; infinite where nothing was."""
 
 
-def _look_up(observation: Observation, p_CPs: Tensor) -> tuple[Tensor, Tensor]:
-    """Flat index (n, k) of the pixel that sees each point (n, k, 3), and whether there is one."""
+def _look_up(observation: Observation, p_CPs: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Column, row and flat index (n, k) of the pixel that sees each point (n, k, 3), and whether there is one."""
     camera = observation.camera
     x, y, z = p_CPs.unbind(-1)
     scale = 1.0 / z.clamp(min=1e-3)
@@ -166,8 +177,22 @@ def _look_up(observation: Observation, p_CPs: Tensor) -> tuple[Tensor, Tensor]:
     u = torch.floor(x * scale * camera.fx + (camera.cx + 0.5))
     v = torch.floor(y * scale * camera.fy + (camera.cy + 0.5))
     inside = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height) & (z > 1e-3)
-    index = (v * camera.width + u).clamp(0, camera.width * camera.height - 1).to(torch.int64)
-    return index, inside
+    index = (v * camera.width + u).clamp(0, camera.width * camera.height - 1).to(torch.int32)
+    return u, v, index, inside
+
+
+def _picked(picture: Tensor, index: Tensor) -> Tensor:
+    """picture (h, w) at flat indices (n, k)."""
+    return picture.view(-1).index_select(0, index.view(-1)).view(index.shape)
+
+
+def _picked_flags(observation: Observation, index: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """At flat indices: in the box; at an edge; beyond the box and not support; beyond the box or support."""
+    beyond, support = observation.beyond, observation.support
+    # Packed, so that memory is looked up once.
+    flags = observation.in_box.to(torch.uint8) + 2 * observation.at_edge + 4 * (beyond & ~support)
+    packed = _picked((flags + 8 * (beyond | support)).to(torch.uint8), index)
+    return (packed & 1).bool(), (packed & 2).bool(), (packed & 4).bool(), (packed & 8).bool()
 
 
 def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float, *, soft: bool = False) -> Counts:
@@ -178,26 +203,26 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     poses that a count cannot.
     """
     camera = observation.camera
-    index, inside = _look_up(observation, p_CPs)
-    z = p_CPs[..., 2]
-    z_observed = observation.depth.view(-1)[index]
-    pixels = areas * (camera.fx * camera.fy) / z.clamp(min=1e-3) ** 2
+    column, row, index, inside = _look_up(observation, p_CPs)
+    x, y, z = p_CPs.unbind(-1)
+    z_observed = _picked(observation.depth, index)
+    in_box, at_edge, elsewhere, not_it = _picked_flags(observation, index)
+    scale = 1 / z.clamp(min=1e-3)
+    pixels = areas * (camera.fx * camera.fy) * scale * scale
     pixels = torch.where(inside & (z_observed > 0), pixels, 0.0)
     # Both points are on one ray: they are as far apart as their depths, times the ray's length per depth.
-    gap = (z - z_observed) * ((p_CPs * p_CPs).sum(-1).sqrt() / z.clamp(min=1e-3))
+    gap = (z - z_observed) * ((x * x + y * y + z * z).sqrt() * scale)
     near = gap.abs() < epsilon
-    match = pixels * near * observation.in_box.view(-1)[index]
+    match = pixels * (near & in_box)
     if soft:
         match = match * (1 - (gap / epsilon) ** 2)
-    impossible = (gap <= -epsilon) & ~observation.at_edge.view(-1)[index]
     # What is seen of an object is in its box.
-    impossible = impossible | (near & (observation.beyond & ~observation.support).view(-1)[index])
+    impossible = ((gap <= -epsilon) & ~at_edge) | (near & elsewhere)
     if observation.plane is not None:
-        normal = torch.tensor(observation.plane.normal_C, dtype=p_CPs.dtype)
-        impossible = impossible | ((p_CPs @ normal + observation.plane.offset < -SUNK) & ~near)
-    shown = near & (pixels > 0) & ~(observation.beyond | observation.support).view(-1)[index]
-    column, row = (index % camera.width).to(p_CPs.dtype), (index // camera.width).to(p_CPs.dtype)
-    infinite = torch.tensor(torch.inf, dtype=p_CPs.dtype)
+        a, b, c = map(float, observation.plane.normal_C)
+        impossible = impossible | ((a * x + b * y + c * z + observation.plane.offset < -SUNK) & ~near)
+    shown = near & (pixels > 0) & ~not_it
+    infinite = p_CPs.new_tensor(torch.inf)
     return Counts(
         match.sum(-1),
         (pixels * impossible).sum(-1),
@@ -250,8 +275,8 @@ def terms(counts: Counts, observation: Observation) -> Tensor:
     """
     n = max(observation.n, 1)
     x, y, w, h = observation.box
-    box = torch.tensor([x, y, x + w, y + h], dtype=counts.sides.dtype)
-    size = torch.tensor([w, h, w, h], dtype=counts.sides.dtype).clamp(min=1.0)
+    box = counts.sides.new_tensor([x, y, x + w, y + h])
+    size = counts.sides.new_tensor([w, h, w, h]).clamp(min=1.0)
     off = ((counts.sides - box) / (size * SIDE_ERROR)) ** 2 / 2
     return torch.stack([counts.inliers / n, counts.free_space / n, off.clamp(max=SIDE_CAP).sum(-1)], -1)
 
@@ -259,7 +284,7 @@ def terms(counts: Counts, observation: Observation) -> Tensor:
 def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
     """log p(z, b | q) up to a constant, (n,): the weighted sum of `terms`."""
     found = terms(counts, observation)
-    return found @ torch.tensor(WEIGHTS, dtype=found.dtype)
+    return found @ found.new_tensor(WEIGHTS)
 
 
 def confidence(counts: Counts, n: int) -> Tensor:
@@ -282,21 +307,21 @@ def register(
     nothing (Tukey's biweight). Turn about M first, then shift. Directions that the data leave free, as a turn about an
     axis of revolution, are damped to nothing.
     """
-    index, inside = _look_up(observation, p_CPs)
+    _, _, index, inside = _look_up(observation, p_CPs)
     z = p_CPs[..., 2]
-    z_observed = observation.depth.view(-1)[index]
+    z_observed = _picked(observation.depth, index)
     ratio = z_observed / z.clamp(min=1e-3)
     p_MQs = p_CPs - p_CMs[:, None]
+    (x, y, w), (a, b, c) = p_MQs.unbind(-1), normals_C.unbind(-1)
     gap = (normals_C * p_CPs).sum(-1) * (ratio - 1)  # distance of the observed point from the tangent plane
     distance = z_observed - z
     weight = (1 - (distance / reach) ** 2).clamp(min=0) ** 2
     telling = ~(observation.at_edge | observation.support)
-    weight = weight * (inside & (z_observed > 0) & telling.view(-1)[index])
-    (x, y, w), (a, b, c) = p_MQs.unbind(-1), normals_C.unbind(-1)
-    J = torch.stack([y * c - w * b, w * a - x * c, x * b - y * a, a, b, c], dim=-1)  # (n, k, 6): p x n, n
-    weighted = J * weight[..., None]
-    A = weighted.transpose(1, 2) @ J
-    g = (weighted.transpose(1, 2) @ gap[..., None]).squeeze(-1)
+    weight = weight * (inside & (z_observed > 0) & _picked(telling, index))
+    J = torch.stack([y * c - w * b, w * a - x * c, x * b - y * a, a, b, c], dim=1)  # (n, 6, k): p x n, n
+    weighted = J * weight[:, None]
+    A = weighted @ J.transpose(1, 2)
+    g = (weighted @ gap[..., None]).squeeze(-1)
     # Rotations are compared with shifts at the size of the object, so that one damping serves both.
     size_squared = (p_MQs * p_MQs).sum(-1).mean(-1, keepdim=True).clamp(min=1e-8)
     damping = torch.cat([size_squared.expand(-1, 3), torch.ones_like(p_CMs)], dim=-1)

@@ -17,6 +17,7 @@ import numpy as np
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimate, PoseEstimator, PoseRequest
 from sum_drake.objects import Catalogue
+from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.types import Frame
 from sum_drake.workers import ignore_interrupts, one_thread_each
 
@@ -28,8 +29,8 @@ WARMING = 2.0
 class PoseWorkers:
     """`filtering.PoseEstimator` in `workers` processes that stay; a context manager that ends them.
 
-    on_cpu: told the CPU seconds that the processes took, which the caller's clock does not see. Raises RuntimeError
-    where a process dies.
+    noise, device: as of `PoseEstimator`. on_cpu: told the CPU seconds that the processes took, which the
+    caller's clock does not see. Raises RuntimeError where a process dies.
     """
 
     def __init__(
@@ -38,11 +39,15 @@ class PoseWorkers:
         config: FilterConfig,
         workers: int,
         *,
+        noise: DepthNoiseConfig | None = None,
+        device: str = "cpu",
         on_cpu: Callable[[float], None] = lambda seconds: None,
     ) -> None:
         self._on_cpu = on_cpu
         context = multiprocessing.get_context("spawn")
-        self._pools = [ProcessPoolExecutor(1, context, _begin, (catalogue, config)) for _ in range(workers)]
+        self._pools = [
+            ProcessPoolExecutor(1, context, _begin, (catalogue, config, noise, device)) for _ in range(workers)
+        ]
         self._known: list[set[str]] = [set() for _ in range(workers)]
         with one_thread_each():
             self._started = [pool.submit(_ready) for pool in self._pools]
@@ -98,10 +103,10 @@ class PoseWorkers:
 _estimator: PoseEstimator | None = None
 
 
-def _begin(catalogue: Catalogue, config: FilterConfig) -> None:
+def _begin(catalogue: Catalogue, config: FilterConfig, noise: DepthNoiseConfig | None, device: str) -> None:
     global _estimator
     ignore_interrupts()
-    _estimator = PoseEstimator(catalogue, config)
+    _estimator = PoseEstimator(catalogue, config, noise=noise, device=device)
 
 
 def _ready() -> None:

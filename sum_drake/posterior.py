@@ -19,8 +19,10 @@ DRAWS = 3
 """First draws for every particle that is kept."""
 MOVES = 12
 """Steps of every particle."""
-JUMPS = 3
+JUMPS = 2
 """Every so many-th is a jump."""
+WIDTHS = (1.0, 0.3)
+"""Of the first draws about a mode, in turn, as shares of sigma_p and sigma_R: some modes are sharp, some are not."""
 STEPS = (0.5, 0.2)
 """Of the local steps, as shares of the first draw's spread, in turn."""
 EVERYWHERE = 0.2
@@ -46,9 +48,12 @@ def sample_posterior(
     """
     shares = (1 - EVERYWHERE) * torch.softmax(log_modes.double(), 0) + EVERYWHERE / len(modes)
     chosen = torch.from_numpy(systematic(shares.numpy(), DRAWS * n, rng.random()))
-    particles = _shaken(modes[chosen], sigma_p, sigma_R, rng)
+    widths = torch.tensor(WIDTHS)
+    width = widths[torch.arange(len(chosen)) % len(widths), None]
+    particles = _shaken(modes[chosen], width * sigma_p, width * sigma_R, rng)
     shift, angle = _distances(particles, modes)
-    log_q = torch.logsumexp(shares.log() - ((shift / sigma_p) ** 2 + (angle / sigma_R) ** 2) / 2, dim=1)
+    squared = ((shift / sigma_p) ** 2 + (angle / sigma_R) ** 2)[..., None] / widths**2
+    log_q = torch.logsumexp(shares.log()[:, None] - 6 * widths.log() - squared / 2, dim=(1, 2))
     off = log_modes - log_p(modes)
 
     def corrected(given: Particles) -> Tensor:
@@ -62,7 +67,7 @@ def sample_posterior(
         if k % JUMPS == JUMPS - 1:
             proposed, odds = _jumped(particles, modes, shares, sigma_p, sigma_R, rng)
         else:
-            step = STEPS[k % len(STEPS)]
+            step = STEPS[k // JUMPS % len(STEPS)]
             proposed, odds = _shaken(particles, step * sigma_p, step * sigma_R, rng), torch.zeros(n)
         log_new = corrected(proposed)
         accepted = torch.from_numpy(np.log(rng.random(n))) < log_new - log_now + odds
@@ -74,7 +79,9 @@ def sample_posterior(
     return particles, float(1.0 / (weights @ weights) / len(weights))
 
 
-def _shaken(particles: Particles, sigma_p: float, sigma_R: float, rng: np.random.Generator) -> Particles:
+def _shaken(
+    particles: Particles, sigma_p: Tensor | float, sigma_R: Tensor | float, rng: np.random.Generator
+) -> Particles:
     noise_p, noise_R = torch.from_numpy(rng.normal(size=(2, len(particles), 3))).float()
     return turn(particles, noise_R * sigma_R, noise_p * sigma_p)
 

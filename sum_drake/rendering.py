@@ -117,7 +117,7 @@ class _Scene:
         image = query.RenderDepthImage(
             _drake_camera(camera, near, far), SceneGraph.world_frame_id(), RigidTransform()
         ).data[..., 0]
-        return np.where(np.isfinite(image), image, 0).astype(np.float32)
+        return np.where(image < far, image, np.float32(0))  # infinite where there is nothing
 
 
 def _drake_camera(camera: Camera, near: float, far: float) -> DepthRenderCamera:
@@ -175,7 +175,7 @@ class Atlas:
     """
 
     def __init__(
-        self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 12, limit: int = 400
+        self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 9, limit: int = 400
     ) -> None:
         self.p_OM, radius = _ball(vertices, faces)
         """(3,): the object's middle M, the centroid of its surface, which each tile shows at its centre."""
@@ -192,7 +192,7 @@ class Atlas:
         corners = (np.arange(columns) + 0.5) * tile - 0.5 - middle
         centres = np.stack([*np.meshgrid(corners, corners), np.full((columns, columns), focal)], -1).reshape(-1, 3)
         self._R_AVs = view_rotations(centres)  # (columns^2, 3, 3): the frame V of each tile in the far camera's, A
-        self._rays_V = self._tiles(rays) @ self._R_AVs[:, None]  # (columns^2, tile, tile, 3)
+        self._rays_V = (self._tiles(rays) @ self._R_AVs[:, None]).astype(np.float32)  # (columns^2, tile, tile, 3)
 
     @property
     def rendered(self) -> int:
@@ -201,7 +201,7 @@ class Atlas:
 
     def _tiles(self, image: NDArray[Any]) -> NDArray[Any]:
         n, t = self._columns, self.tile
-        return np.moveaxis(image.reshape(n, t, n, t, -1), 2, 1).reshape(n * n, t, t, -1)
+        return np.moveaxis(image.reshape(-1, t, n, t, image[0, 0].size), 2, 1).reshape(-1, t, t, image[0, 0].size)
 
     def points(self, R_VOs: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """What is seen of the object turned by R_VOs (n, 3, 3) when looking along the z axis of V at its middle.
@@ -219,8 +219,12 @@ class Atlas:
             X_AOs = np.tile(np.eye(4), (len(R_AOs), 1, 1))
             X_AOs[:, :3, :3] = R_AOs
             X_AOs[:, :3, 3] = FAR * R_AVs[:, :, 2] - R_AOs @ self.p_OM
-            depth = self._tiles(self._scene.depth(X_AOs, self._camera, *self._range))[: len(R_AOs)]
-            points[part] = depth * self._rays_V[: len(R_AOs)] - [0.0, 0.0, FAR]
+            # Only as many rows of tiles as there are poses for, but with the middle, which Drake wants to be inside.
+            rows = max(-(-len(R_AOs) // self._columns), self._columns // 2 + 1)
+            picture = dataclasses.replace(self._camera, height=rows * self.tile)
+            depth = self._tiles(self._scene.depth(X_AOs, picture, *self._range))[: len(R_AOs)]
+            np.multiply(depth, self._rays_V[: len(R_AOs)], out=points[part])
+            points[part, ..., 2] -= FAR
             seen[part] = depth[..., 0] > 0
         return points, seen
 
@@ -254,7 +258,7 @@ def see_surface(
     views: int = 1000,
     points: int = 192,
     samples: int = 8000,
-    tile: int = 48,
+    tile: int = 36,
     seed: int = 0,
 ) -> Surface:
     """Renders the mesh (v, 3), (f, 3) from `views` directions and keeps what each shows.
@@ -264,7 +268,7 @@ def see_surface(
     """
     from scipy.spatial import cKDTree
 
-    atlas = Atlas(vertices, faces, tile=tile, columns=9, limit=1500)
+    atlas = Atlas(vertices, faces, tile=tile, limit=1000)
     p_MSs, n_Ss = sample_mesh(vertices - atlas.p_OM, faces, samples, np.random.default_rng(seed))
     tree = cKDTree(p_MSs)
     directions = fibonacci_sphere(views)
@@ -275,7 +279,7 @@ def see_surface(
         pixels = p_MQs[view][seen[view]]
         evenly = ((np.arange(points) + 0.5) / points * len(pixels)).astype(int)
         shown[view] = pixels[evenly] @ R_VOs[view]
-    distance, near = tree.query(shown, k=6)  # (views, points, 6)
+    distance, near = tree.query(shown, k=5)  # (views, points, 5)
     facing = -np.einsum("vpki,vi->vpk", n_Ss[near], directions)
     # The other side of a thin wall is as near as the one that is seen, but faces away.
     best = (distance + 3 * atlas.pixel * (facing < 0.05)).argmin(-1)[..., None]

@@ -129,13 +129,24 @@ def add_depth_noise(
     v, u = np.mgrid[: camera.height, : camera.width]
     z = true[np.clip(v + offset[0], 0, camera.height - 1), np.clip(u + offset[1], 0, camera.width - 1)]
     missing |= (z <= 0) | (true <= 0)
-    sigma = config.axial_constant + config.axial_quadratic * (z - 0.4) ** 2
-    z = np.maximum(z + sigma * rng.standard_normal(z.shape), 1e-3)
+    z = np.maximum(z + _axial(z, config) * rng.standard_normal(z.shape), 1e-3)
     if config.disparity_step > 0 and config.baseline > 0:
         scale = camera.fx * config.baseline
         steps = np.maximum(np.rint(scale / z / config.disparity_step), 1)
         z = scale / (steps * config.disparity_step)
     return np.where(missing, 0.0, z).astype(np.float32)
+
+
+def _axial(z: Array, config: DepthNoiseConfig) -> Array:
+    return config.axial_constant + config.axial_quadratic * (z - 0.4) ** 2
+
+
+def depth_sigma(config: DepthNoiseConfig, camera: Camera, z: float) -> float:
+    """Standard deviation of depth measured z metres away: noise along the ray, and what steps of disparity add."""
+    if not config.enabled:
+        return 0.0
+    step = config.disparity_step * z**2 / (camera.fx * config.baseline) if config.baseline > 0 else 0.0
+    return float(np.hypot(_axial(np.array(z), config), step / np.sqrt(12)))
 
 
 def _unseen(z: Array, camera: Camera, rng: np.random.Generator, config: DepthNoiseConfig) -> NDArray[np.bool_]:

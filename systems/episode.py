@@ -65,7 +65,9 @@ def run(
         estimator = None
         if workers > 1:
             count = functools.partial(costs.add, "pose workers")
-            estimator = PoseWorkers(catalogue, filter_config(scenario.filter), workers, on_cpu=count)
+            estimator = PoseWorkers(
+                catalogue, filter_config(scenario.filter), workers, noise=scenario.depth_noise, on_cpu=count
+            )
             stack.callback(estimator.close)
         progress("pouring", 0.0, 0.0)
         with costs.of("pouring"):

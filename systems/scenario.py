@@ -69,7 +69,7 @@ class Scenario:
     cameras: dict[str, HeadCameraConfig] = dataclasses.field(default_factory=dict)
     """The cameras by name; the robot looks with `head_camera`."""
     depth_noise: DepthNoiseConfig = dataclasses.field(default_factory=DepthNoiseConfig)
-    """What the depth sensor does to the truth."""
+    """What the depth sensor does to the truth; the pose filter's tolerances follow from it."""
     catalogue: str = ""
     """File of the catalogue of objects; empty is the package's. A relative path starts at the scenario's file."""
     objects: ObjectsConfig = dataclasses.field(default_factory=ObjectsConfig)

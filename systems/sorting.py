@@ -59,7 +59,7 @@ def bind_perception(
 ) -> UpdateBelief:
     """`belief.update` with its estimator, which keeps its render engines warm, and the scenario's configuration."""
     config = filter_config(scenario.filter)
-    estimator = PoseEstimator(catalogue, config) if pose_estimator is None else pose_estimator
+    estimator = pose_estimator or PoseEstimator(catalogue, config, noise=scenario.depth_noise)
     seed = derive(scenario.random_seed, "estimation")
     table = scenario.region("table")
     # Not the scenario itself: it says what was poured, and from which seed.

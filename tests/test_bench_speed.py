@@ -31,7 +31,7 @@ def test_every_table_has_its_rows_and_every_aim_its_figure(out):
     results = json.loads((out / "results.json").read_text())
     assert {row["table"] for row in results["rows"]} == {"particles", "shares", "renders", "objects", "memory"}
     assert AIMS.keys() <= results["figures"].keys()
-    assert all(value > 0 for value in results["figures"].values())
+    assert all(value > 0 for value in results["figures"].values()), results["figures"]
     shares = [row["share"] for row in results["rows"] if row["table"] == "shares"]
     assert sum(shares) == pytest.approx(1, abs=0.01)
     assert all(share > 0 for share in shares)

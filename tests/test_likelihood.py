@@ -1,9 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sum_drake.depth_tolerance import PERFECT
 from sum_drake.geometry import rotation_from_vector
 from sum_drake.likelihood import (
     SIDE_ERROR,
@@ -186,7 +189,7 @@ def test_the_plane_below_is_nothing_to_be_explained_and_nothing_reaches_under_it
     below = Plane(readonly([0.0, 0.0, -1.0]), 1.0)
     depth = plane()
     depth[20:40, 30:50] = 0.95  # a block on a table that is seen from above
-    observation = observe(frame_of(depth), (25.0, 15.0, 30.0, 30.0), plane=below, tolerance=0.008)
+    observation = observe(frame_of(depth), (25.0, 15.0, 30.0, 30.0), plane=below)
     assert observation.n == 400
     block = np.where(depth < 1, depth, 0)
     points, areas = points_of(block)
@@ -195,8 +198,40 @@ def test_the_plane_below_is_nothing_to_be_explained_and_nothing_reaches_under_it
     assert float(log_likelihood(on_it, observation)[0]) > float(log_likelihood(table, observation)[0]) + 3
     under = count(observation, *points_of(plane(1.05)), 0.008)
     assert float(under.free_space[0]) == pytest.approx(4800, rel=1e-3)
-    flat = observe(frame_of(plane()), (25.0, 15.0, 30.0, 30.0), plane=below, tolerance=0.008)
+    flat = observe(frame_of(plane()), (25.0, 15.0, 30.0, 30.0), plane=below)
     assert flat.n == 900, "where all there is lies in the plane, that is the object"
+
+
+def test_where_the_background_has_spread_over_the_left_side_free_space_proves_nothing() -> None:
+    """Stereo matching gives the first columns of what stands out the depth of what is behind."""
+    block, seen = plane(), plane()
+    block[20:40, 30:50] = 0.8
+    seen[20:40, 33:50] = 0.8
+    points, areas = points_of(np.where(block < 1, block, 0))
+    told, not_told = (
+        observe(frame_of(seen), (30.0, 20.0, 20.0, 20.0), tolerance=dataclasses.replace(PERFECT, bleed=bleed))
+        for bleed in (3, 0)
+    )
+    assert float(count(told, points, areas, 0.008).free_space[0]) == 0
+    assert float(count(not_told, points, areas, 0.008).free_space[0]) > 30
+    right = plane()
+    right[20:40, 30:47] = 0.8
+    behind = observe(frame_of(right), (30.0, 20.0, 20.0, 20.0), tolerance=dataclasses.replace(PERFECT, bleed=3))
+    assert float(count(behind, points, areas, 0.008).free_space[0]) > 30, "only on the left"
+
+
+def test_scores_and_registration_stay_on_the_device_of_the_points() -> None:
+    """On torch's meta device, which computes shapes alone and refuses to mix with the CPU, as a GPU does."""
+    block = plane()
+    block[20:40, 30:50] = 0.95
+    below = Plane(readonly([0.0, 0.0, -1.0]), 1.0)
+    observation = observe(frame_of(block), (25.0, 15.0, 30.0, 30.0), plane=below).to("meta")
+    points, areas = torch.empty(5, 40, 3, device="meta"), torch.empty(5, 1, device="meta")
+    counts = count(observation, points, areas, 0.007, soft=True)
+    assert log_likelihood(counts, observation).device.type == "meta"
+    assert confidence(counts, observation.n).device.type == "meta"
+    for moved in register(observation, points, points, torch.empty(5, 3, device="meta"), 0.02):
+        assert moved.device.type == "meta" and moved.shape == (5, 3)
 
 
 def test_thinned_observations_weigh_poses_alike() -> None:

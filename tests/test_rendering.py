@@ -180,6 +180,31 @@ def test_atlas_and_surface_agree_with_exact_renders(
     assert np.abs(exact - looks).mean() < 0.08
 
 
+@pytest.fixture(scope="module")
+def mug_atlas() -> Atlas:
+    return Atlas(MESHES["mug"].vertices, MESHES["mug"].faces, columns=3, limit=1500)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([(0.5, 0.6, 0.1), (1.4, 2.0, 0.05), (0.7, 1.0, 0.42)]))
+def test_tiles_show_what_a_render_of_its_own_shows(
+    renderer: DepthRenderer, mug_atlas: Atlas, seed: int, place: tuple[float, float, float]
+) -> None:
+    """Near, far and in the corner, at any orientation: as many pixels, at the same depths."""
+    near, far, spread = place
+    X_CO = pose(seed, near=near, far=far, spread=spread)
+    picture = Camera(960, 720, 540.0, 520.0, 450.0, 380.0)  # that no object is cut by
+    alone = renderer.depth("mug", X_CO, picture)
+    p_CM = X_CO[:3, :3] @ mug_atlas.p_OM + X_CO[:3, 3]
+    R_CV = view_rotations(p_CM[None])[0]
+    points, seen = mug_atlas.points((R_CV.T @ X_CO[:3, :3])[None])
+    p_C = points[0][seen[0]] @ R_CV.T + p_CM
+    area = np.full(len(p_C), mug_atlas.pixel**2)
+    pixels = float((area * picture.fx * picture.fy / p_C[:, 2] ** 2).sum())
+    assert match_of(p_C, area, alone, picture, 0.008) > 0.83 * pixels
+    assert pixels == pytest.approx(np.count_nonzero(alone), rel=0.2)
+
+
 def test_atlas_renders_more_poses_than_it_has_copies() -> None:
     mesh = MESHES["box"]
     atlas = Atlas(mesh.vertices, mesh.faces, columns=2)

@@ -25,6 +25,7 @@ STEREO = DepthNoiseConfig(
     edge_dropout=0.6, grazing_start=1.15, grazing_end=1.4, dropout=0.01,
 )  # fmt: skip
 """A stereo camera: noise that grows faster with distance, foregrounds eroded on one side, more holes."""
+SENSORS = {"structured_light": DepthNoiseConfig(), "stereo": STEREO}
 LEAST_VISIBLE, LEAST_PIXELS = 0.3, 300
 WRONG_BOXES = 0.05
 """Share of instances that are given another object's box."""
@@ -54,7 +55,7 @@ class PoseScene(Immutable):
     frame: Frame
     instances: tuple[Instance, ...]
     sensor: str
-    """structured_light or stereo."""
+    """One of SENSORS."""
 
 
 def pose_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int) -> PoseScene:
@@ -65,8 +66,7 @@ def pose_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int) -> Pose
     camera, X_WC = make_camera(HeadCameraConfig()), _viewpoint(rng)
     depth, owner, alone = _compose(renderer, X_WOs, camera, X_WC)
     sensor = "stereo" if seed % 2 else "structured_light"
-    noise = STEREO if sensor == "stereo" else DepthNoiseConfig()
-    noisy = add_depth_noise(depth, camera, rng, noise)
+    noisy = add_depth_noise(depth, camera, rng, SENSORS[sensor])
     frame = Frame(0, np.zeros((*depth.shape, 3), np.uint8), noisy, camera, readonly(X_WC))
     boxes = {label: _box(owner == i) for i, label in enumerate(X_WOs) if np.count_nonzero(owner == i) >= LEAST_PIXELS}
     instances = []

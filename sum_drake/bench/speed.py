@@ -18,7 +18,7 @@ from sum_drake.bench.aims import Aims
 from sum_drake.bench.pose_scenes import PoseScene, pose_scene
 from sum_drake.bench.results import write_results
 from sum_drake.bench.speed_report import report_page
-from sum_drake.costs import peak_memory_mib
+from sum_drake.costs import memory_mib, peak_memory_mib
 from sum_drake.files import write_whole
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator, PoseRequest
@@ -239,12 +239,12 @@ def _warm_all(path: Path) -> Row:
     catalogue = load_catalogue(path)
     estimator = PoseEstimator(catalogue, filter_config())
     estimator.warm(catalogue.labels[0])  # what the first engine takes, no other does
-    before, begun = peak_memory_mib(), time.process_time()
+    before, begun = memory_mib(), time.process_time()
     estimator.warm_all(catalogue.labels)
     others = max(len(catalogue) - 1, 1)
     return {
         "models": len(catalogue),
         "warm_s": round((time.process_time() - begun) / others, 4),
-        "mib_per_model": round((peak_memory_mib() - before) / others, 2),
+        "mib_per_model": round((memory_mib() - before) / others, 2),
         "peak_mib": round(peak_memory_mib(), 1),
     }

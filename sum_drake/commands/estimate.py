@@ -16,6 +16,7 @@ from sum_drake.commands.common import (
     add_parallel,
     add_quiet,
     check_count,
+    check_device,
     check_free,
 )
 from sum_drake.files import write_whole
@@ -41,6 +42,7 @@ def add(commands: Commands) -> None:
     one.add_argument("--weights", type=Path, metavar="FILE", help="detector, where there is no detections.json")
     one.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/estimates/FRAME)")
     one.add_argument("--force", action="store_true", help="replace the estimates that are in the folder")
+    one.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
     add_parallel(one, "--workers", "processes")
     add_quiet(one)
 
@@ -62,6 +64,7 @@ def _estimate(options: argparse.Namespace) -> None:
     check_free(out, FILES, force=options.force, what="estimate")
     check_count("--seed", options.seed, least=0)
     check_count("--workers", options.workers)
+    check_device(options.device)
     config = filter_config(options.filter)
     catalogue = load_catalogue(options.catalogue)
     read = read_frame(options.frame)
@@ -75,9 +78,11 @@ def _estimate(options: argparse.Namespace) -> None:
         cpu[0] += seconds
 
     with contextlib.ExitStack() as stack:
-        estimator: Any = PoseEstimator(catalogue, config)
+        estimator: Any = PoseEstimator(catalogue, config, noise=read.noise, device=options.device)
         if workers > 1:
-            estimator = stack.enter_context(PoseWorkers(catalogue, config, workers, on_cpu=count))
+            estimator = stack.enter_context(
+                PoseWorkers(catalogue, config, workers, noise=read.noise, device=options.device, on_cpu=count)
+            )
         labels = list(dict.fromkeys(one.label for one in boxes if one.label in catalogue))
         tell("looking at meshes", 0, len(labels))
         estimator.warm_all(labels)
