@@ -324,6 +324,7 @@ def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
     assert found["timing"].keys() == {"start_s", "cpu_s", "wall_s"}
     assert cv2.imread(str(out / "overlay.png")) is not None
     assert "--force" in refused(capsys, *estimate)
+    assert "--device abacus" in refused(capsys, *estimate, "--force", "--device", "abacus")
     (folder / "detections.json").unlink()
     own = tmp_path / "own.yaml"
     own.write_text(f"objects: {{teapot: {{mesh: {catalogue['mug'].mesh}, category: tools}}}}")

@@ -1,3 +1,4 @@
+import dataclasses
 import hashlib
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from sum_drake.geometry import (
 )
 from sum_drake.objects import Catalogue, ObjectModel, load_catalogue
 from sum_drake.rendering import DepthRenderer
+from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.types import Array, Box, Camera, Frame, PickPlace, PoseBelief
 
 CAMERA = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
@@ -146,6 +148,34 @@ def test_a_single_observed_pixel_does_not_break_it(estimator: PoseEstimator, fra
     depth = np.zeros_like(frame.depth)
     depth[int(box[1]) + 5, int(box[0]) + 5] = 0.8
     check(estimator.estimate(Frame(1, frame.color, depth, CAMERA, X_WC), box, "tide", rng=np.random.default_rng(0)))
+
+
+def test_a_noisy_sensor_asks_for_more_points(frame_and_truth) -> None:
+    """Where a few points say nothing of where a thing is, nothing is said."""
+    frame, truth = frame_and_truth
+    x, y, w, h = truth["tide"][1]
+    depth = np.zeros_like(frame.depth)
+    depth[int(y + h / 2) : int(y + h / 2) + 5, int(x + w / 2) : int(x + w / 2) + 6] = 1.0
+    few = dataclasses.replace(frame, depth=depth)
+    noisy = DepthNoiseConfig(axial_constant=0.02)
+    likelihoods = [
+        PoseEstimator(load_catalogue(), FilterConfig(particles=200, iterations=2), noise=noise)
+        .estimate(few, (x, y, w, h), "tide", rng=np.random.default_rng(0))
+        .likelihood
+        for noise in (DepthNoiseConfig(), noisy)
+    ]
+    assert likelihoods[0] > 0 and likelihoods[1] == 0
+
+
+def test_the_published_filter_takes_every_sensor_alike(frame_and_truth) -> None:
+    frame, truth = frame_and_truth
+    box = truth["tide"][1]
+    config = dataclasses.replace(filter_config("paper"), particles=50, particles_last=50, iterations=2)
+    estimates = [
+        PoseEstimator(load_catalogue(), config, noise=noise).estimate(frame, box, "tide", rng=np.random.default_rng(0))
+        for noise in (DepthNoiseConfig(), DepthNoiseConfig(axial_constant=0.02))
+    ]
+    np.testing.assert_array_equal(estimates[0].belief.X_WOs, estimates[1].belief.X_WOs)
 
 
 def test_another_thread_raises(estimator: PoseEstimator, frame_and_truth) -> None:
