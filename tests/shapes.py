@@ -1,13 +1,16 @@
-"""Simple objects for the tests of grasps."""
+"""Simple objects, and small catalogues, for tests."""
 
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import trimesh
+import yaml
 
 from sum_drake.geometry import symmetry_group
 from sum_drake.grasping import GraspConfig
-from sum_drake.objects import ObjectModel
+from sum_drake.objects import Catalogue, ObjectModel, load_catalogue
 from sum_drake.types import Array, Grasp
 
 # A fraction of the default effort keeps the tests quick.
@@ -21,6 +24,16 @@ def write_model(folder: Path, name: str, mesh: trimesh.Trimesh, mass: float = 0.
     return ObjectModel(
         name, path, "test", symmetry_group("none"), (float(extents[0]), float(extents[1]), float(extents[2])), mass
     )
+
+
+def part_of_package(folder: Path, labels: Sequence[str]) -> Catalogue:
+    """A catalogue, written into a folder, of some of the package's objects."""
+    package = load_catalogue().path
+    entries = yaml.safe_load(package.read_text())["objects"]
+    (folder / "objects.yaml").write_text(yaml.safe_dump({"objects": {label: entries[label] for label in labels}}))
+    for label in labels:
+        shutil.copytree(package.parent / label, folder / label)
+    return load_catalogue(folder / "objects.yaml")
 
 
 def columns(grasps: tuple[Grasp, ...]) -> tuple[Array, Array]:

@@ -1,16 +1,14 @@
 """What the bench of speed measures, on a catalogue of two objects."""
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
-import yaml
+from shapes import part_of_package
 
 from sum_drake.bench.aims import reached
 from sum_drake.bench.speed import AIMS, FILES, bench_speed
 from sum_drake.cli import main
-from sum_drake.objects import load_catalogue
 
 LABELS = ("soup_can", "mustard")
 
@@ -18,12 +16,7 @@ LABELS = ("soup_can", "mustard")
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("speed")
-    package = load_catalogue().path
-    entries = yaml.safe_load(package.read_text())["objects"]
-    (folder / "objects.yaml").write_text(yaml.safe_dump({"objects": {label: entries[label] for label in LABELS}}))
-    for label in LABELS:
-        shutil.copytree(package.parent / label, folder / label)
-    bench_speed(folder / "out", load_catalogue(folder / "objects.yaml"), quick=True)
+    bench_speed(folder / "out", part_of_package(folder, LABELS), quick=True)
     return folder / "out"
 
 

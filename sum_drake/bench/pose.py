@@ -45,6 +45,23 @@ WRONG = 1e3
 """Errors of a method that gives no estimate, metres and degrees."""
 Progress = Callable[[str, int, int], None]
 
+ABLATIONS: dict[str, dict[str, Any]] = {
+    "no_warmup": {"warmup": 0},
+    "no_flips": {"flipped": 0.0},
+    "no_rivals": {"candidates": 0},
+    "no_support": {"support": False},
+    "no_tempering": {"effective_share": 0.0},
+    "no_free_space": {"score": "inliers", "candidates": 0},
+    "uniform_start": {"start": "uniform"},
+    "fixed_epsilon": {"epsilon_first": FilterConfig.epsilon},
+    "any_sensor": {"sensor": False, "epsilon_first": 0.010, "epsilon": 0.007},
+    "half_the_particles": {
+        "particles": FilterConfig.particles // 2,
+        "particles_last": FilterConfig.particles_last // 2,
+    },
+}
+"""Further methods: the default filter with an ingredient left out."""
+
 
 def filter_configs() -> dict[str, FilterConfig]:
     """The filters that are compared."""
@@ -55,6 +72,7 @@ def filter_configs() -> dict[str, FilterConfig]:
         OWN_SENSOR: default,
         "default_no_registration": dataclasses.replace(default, warmup=0, registered=0.0, candidates=0),
         "fast": dataclasses.replace(default, particles=800, iterations=5, candidates=4),
+        **{name: dataclasses.replace(default, **without) for name, without in ABLATIONS.items()},
     }
 
 
@@ -63,6 +81,7 @@ def bench_pose(
     catalogue: Catalogue,
     *,
     quick: bool = False,
+    scenes: int | None = None,
     seed: int = 0,
     methods: Sequence[str] = METHODS,
     workers: int = 2,
@@ -70,39 +89,43 @@ def bench_pose(
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
 
-    Raises InputError for a method that is unknown or cannot run here, and for rows of other settings in `out`.
+    scenes: how many; default: 40, or 4 if quick. methods: of METHODS and ABLATIONS. Raises InputError for a method that
+    is unknown or cannot run here, and for rows of other settings in `out`.
     """
     start = time.monotonic()
-    unknown = [name for name in methods if name not in METHODS]
+    known = (*METHODS, *ABLATIONS)
+    unknown = [name for name in methods if name not in known]
     if unknown:
-        raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(METHODS)}")
+        raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(known)}")
     if any(name.startswith("fpfh") for name in methods):
         FpfhEstimator(catalogue, FpfhConfig()).warm(catalogue.labels[0])  # refused here rather than in a worker
     settings = {"quick": quick, "seed": seed, "catalogue": str(catalogue.path)}
-    scenes = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + (QUICK_SCENES if quick else SCENES))
+    count = scenes or (QUICK_SCENES if quick else SCENES)
+    seeds = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + count)
     log = _Log(out, settings)
-    tasks = [(scene, method) for scene in scenes for method in methods if (scene, method) not in log.done]
+    wanted = [(scene, method) for scene in seeds for method in methods]
+    tasks = [task for task in wanted if task not in log.done]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
         other_meshes(catalogue, Path(scratch), seed)
         measure = functools.partial(_measure, catalogue.path, Path(scratch), seed, QUICK_SEEDS if quick else SEEDS)
-        progress("measuring", len(scenes) * len(methods) - len(tasks), len(scenes) * len(methods))
+        progress("measuring", len(wanted) - len(tasks), len(wanted))
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(workers, context, ignore_interrupts) as pool:
             with one_thread_each():
                 futures = {pool.submit(measure, *task): task for task in tasks}
             for future in as_completed(futures):
                 log.add(*futures[future], future.result())
-                progress("measuring", len(log.done), len(scenes) * len(methods))
-        rows = [row for row in log.rows if row.method in methods]
-        rows.sort(key=lambda row: (METHODS.index(row.method), row.scene, row.label, row.seed))
+                progress("measuring", sum(task in log.done for task in wanted), len(wanted))
+        rows = [row for row in log.rows if (row.scene, row.method) in wanted]
+        rows.sort(key=lambda row: (known.index(row.method), row.scene, row.label, row.seed))
         found = figures(rows)
         html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue)
     write_results(
         out,
         "pose",
         quick=quick,
-        settings=settings | {"scenes": len(scenes), "methods": list(methods), "wall_s": time.monotonic() - start},
-        seeds={"scenes": scenes.start, "meshes": seed},
+        settings=settings | {"scenes": count, "methods": list(methods), "wall_s": time.monotonic() - start},
+        seeds={"scenes": seeds.start, "meshes": seed},
         figures=found,
         rows=[{"table": "estimate", **dataclasses.asdict(row)} for row in rows],
     )

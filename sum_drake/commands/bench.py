@@ -69,7 +69,10 @@ def _add_pose(benches: Commands) -> None:
     one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
     one.add_argument("--quick", action="store_true", help="a tenth of the scenes, one seed")
     one.add_argument("--seed", type=int, metavar="S", default=0, help="of scenes and meshes (default: 0)")
-    one.add_argument("--methods", nargs="+", metavar="NAME", help="some of the methods (default: all)")
+    one.add_argument("--scenes", type=int, metavar="N", help="how many scenes (default: 40, or 4 with --quick)")
+    one.add_argument(
+        "--methods", nargs="+", metavar="NAME", help="some methods, ablations too (default: all but those)"
+    )
     add_catalogue(one)
     add_parallel(one, "--workers", "processes")
     one.add_argument("--force", action="store_true", help="start anew in the folder")
@@ -85,6 +88,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
 
     check_count("--seed", options.seed, least=0)
     check_count("--workers", options.workers)
+    check_count("--scenes", options.scenes)
     begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
     if options.force or not begun:
         check_free(options.out, FILES, force=options.force, what="bench")
@@ -96,6 +100,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
         options.out,
         catalogue,
         quick=options.quick,
+        scenes=options.scenes,
         seed=options.seed,
         methods=options.methods or METHODS,
         workers=options.workers,
