@@ -122,4 +122,6 @@ def _open3d() -> Any:
         raise InputError(
             f"the baselines need Open3D ({error}); expected pip install 'sum-drake[bench]' and Debian's libusb-1.0-0"
         ) from error
+    # Its warnings of features that few points share are nothing that a user could act on.
+    open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
     return open3d

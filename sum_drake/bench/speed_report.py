@@ -23,10 +23,31 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
             [(page.text(name), f"{value:.3g}", _chip(aims, name, value)) for name, value in found.items()],
         ),
         '<div class="plots">',
-        _line(of["particles"], "particles", "cpu_s", "An object, by particles at the start", "CPU s"),
-        _line(_kind(of["renders"], "tile"), "size", "cpu_ms", "A particle, by tile size in pixels", "CPU ms"),
-        _line(_kind(of["renders"], "triangles"), "size", "cpu_ms", "A particle, by triangles of the mesh", "CPU ms"),
-        _line(_kind(of["renders"], "tile"), "size", "error", "Error of the score, by tile size", "of inliers / N"),
+        _line(of["particles"], "particles", "particles", "cpu_s", "An object, by particles at the start", "CPU s"),
+        _line(
+            _kind(of["renders"], "tile"),
+            "size",
+            "pixels a side",
+            "cpu_ms",
+            "A particle, by tile size in pixels",
+            "CPU ms",
+        ),
+        _line(
+            _kind(of["renders"], "triangles"),
+            "size",
+            "triangles",
+            "cpu_ms",
+            "A particle, by triangles of the mesh",
+            "CPU ms",
+        ),
+        _line(
+            _kind(of["renders"], "tile"),
+            "size",
+            "pixels a side",
+            "error",
+            "Error of the score, by tile size",
+            "of inliers / N",
+        ),
         _objects(of["objects"]),
         "</div>",
         "<h2>Where the time of an estimate goes</h2>",
@@ -61,12 +82,12 @@ def _kind(rows: Rows, kind: str) -> Rows:
     return [row for row in rows if row["kind"] == kind]
 
 
-def _line(rows: Rows, x: str, y: str, title: str, y_label: str) -> str:
+def _line(rows: Rows, x: str, x_label: str, y: str, title: str, y_label: str) -> str:
     values = [row[y] for row in rows]
     return line_plot(
         [Series("", [row[x] for row in rows], values, dots=True)],
         title=title,
-        x_label=x,
+        x_label=x_label,
         y_label=y_label,
         y_range=(0.0, 1.1 * max(values)),
         size=(420, 280),
