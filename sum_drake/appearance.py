@@ -121,7 +121,7 @@ class RenderedAnew:
         *,
         tile: int = 32,
         columns: int = 9,
-        limit: int = 400,
+        limit: int = 300,
         device: str = "cpu",
     ) -> None:
         self._device = device

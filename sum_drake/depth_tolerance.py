@@ -1,5 +1,7 @@
 """What a depth sensor's noise lets the pose filter ask of a depth image: all that another sensor changes is here.
 
+Noise across the line of sight is left to the edges, which prove nothing anyway.
+
 Errors add up in quadrature: those of the sensor, which grow with the distance, and those that are there under a perfect
 one, of meshes and planes.
 """
@@ -49,7 +51,7 @@ def depth_tolerance(noise: DepthNoiseConfig, camera: Camera, z: float) -> DepthT
         plane=float(np.hypot(PLANE, SIGMAS * sigma)),
         # One pixel may be too near while its neighbour is too far.
         jump=float(np.hypot(RELIEF, 2 * SIGMAS * sigma)),
-        bleed=noise.edge_erosion if noise.enabled else 0,
+        bleed=int(noise.edge_erosion) if noise.enabled else 0,
         least_points=int(np.ceil((SIGMAS * sigma / SURE_MEAN) ** 2)),
     )
 

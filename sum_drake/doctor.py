@@ -13,7 +13,7 @@ from sum_drake.assets import one_line
 
 PACKAGES = (
     "sum-drake", "drake", "numpy", "scipy", "torch", "opencv-python-headless", "trimesh", "ompl", "ruckig", "pyyaml",
-    "numba", "safetensors", "foxglove-sdk", "mcap",
+    "numba", "safetensors", "fast-simplification", "foxglove-sdk", "mcap",
 )  # fmt: skip
 EGL_SCRIPT = Path(__file__).with_name("egl.py")
 DEBIAN_PACKAGES = "libglib2.0-0 libegl1 libgl1-mesa-dri"

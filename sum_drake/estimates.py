@@ -26,6 +26,19 @@ from sum_drake.types import (
     readonly,
 )
 
+LEAST_MODE = 0.02
+"""Probability of a mode that is told."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Mode(Immutable):
+    """A pose among rivals."""
+
+    X_CO: Array
+    """(4, 4)."""
+    probability: float
+    """Share of the belief that is nearest to it."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Estimate(Immutable):
@@ -42,6 +55,8 @@ class Estimate(Immutable):
     """Likelihood of the pose, in [0, 1]."""
     translation_std_m: float
     rotation_std_rad: float
+    modes: tuple[Mode, ...]
+    """The rival poses, likeliest first; none where nothing could be estimated."""
     message: str
     """Why nothing could be estimated; empty where something was."""
 
@@ -83,9 +98,21 @@ def _problem(frame: Frame, one: LabelledBox, catalogue: Catalogue) -> str:
     return "" if np.any(np.isfinite(depth) & (depth > 0)) else "no depth was measured in the box"
 
 
+def pose_probability(p_box: float, p_label: float, found: PoseEstimate) -> float:
+    """P(the object is there, and within 2 cm and 20 degrees of the estimate), from p(b | z) and p(o | b, z).
+
+    That it is there is told by how much the pose explains; that it is so and not otherwise, by how much of the belief
+    is near.
+    """
+    return track_probability(p_box, p_label, found.likelihood) * dict(found.features)["right_pose"]
+
+
 def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: float) -> Estimate:
     features = dict(found.features)
-    probability = track_probability(one.score, 1.0, found.likelihood)
+    probability = pose_probability(one.score, 1.0, found)
+    if found.likelihood == 0.0:
+        return _nothing(frame, one, "too little depth was measured in the box, or nothing in it is explained")
+    likely = found.modes.probabilities >= LEAST_MODE
     return Estimate(
         one.label,
         one.box,
@@ -95,6 +122,10 @@ def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: fl
         found.likelihood,
         features["translation_std_m"],
         features["rotation_std_rad"],
+        tuple(
+            Mode(readonly(inverse(frame.X_WC) @ X_WO), float(p))
+            for X_WO, p in zip(found.modes.X_WOs[likely], found.modes.probabilities[likely], strict=True)
+        ),
         "",
     )
 
@@ -102,7 +133,7 @@ def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: fl
 def _nothing(frame: Frame, one: LabelledBox, problem: str) -> Estimate:
     """The object stands somewhere on the ray through the box's middle, turned anyhow."""
     X_CO = transform(np.eye(3), _middle(one.box, frame.camera))
-    return Estimate(one.label, one.box, readonly(X_CO), 0.0, False, 0.0, 1.0, float(np.pi), problem)
+    return Estimate(one.label, one.box, readonly(X_CO), 0.0, False, 0.0, 1.0, float(np.pi), (), problem)
 
 
 def _middle(box: Box, camera: Camera) -> Array:

@@ -80,6 +80,8 @@ class FilterConfig:
                 raise InputError(f"filter.{field}: {getattr(self, field)!r} is unknown; expected {expected}")
         if self.render == "each" and (self.warmup > 0 or self.registered > 0 or self.candidates > 0):
             raise InputError("filter: registration needs the normals that render: views has; render: each has none")
+        if self.score == "inliers" and self.candidates > 0:
+            raise InputError("filter: rivals are compared by score: difference; expected candidates: 0 with inliers")
 
 
 def filter_config(name: str = "default") -> FilterConfig:

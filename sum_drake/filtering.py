@@ -40,7 +40,7 @@ from sum_drake.likelihood import (
 )
 from sum_drake.modes import Modes, distinct, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
-from sum_drake.posterior import sample_posterior
+from sum_drake.posterior import nearest, sample_posterior
 from sum_drake.rendering import DepthRenderer
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.support import support_plane
@@ -64,7 +64,7 @@ class PoseEstimate(Immutable):
     features: tuple[tuple[str, float], ...]
     """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (share of the
     draws that the belief was made from), translation_std_m, rotation_std_rad, right_pose (share of the belief within 2
-    cm and 20 degrees of the estimate)."""
+    cm and 20 degrees of the estimate), mode_entropy_nats (of the modes' probabilities)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -111,6 +111,7 @@ class PoseEstimator:
     def warm(self, label: str) -> None:
         """Renders what `estimate` will want of a label, which takes a second or two, once."""
         self._appearances[label]
+        self._renderer.warm(label)
 
     def warm_all(self, labels: Sequence[str]) -> None:
         """`warm` for each label."""
@@ -140,6 +141,8 @@ class PoseEstimator:
         """
         model = self._appearances[label]
         config = self._config
+        if not np.isfinite(box).all():
+            return _nothing_seen(frame, (0.0, 0.0, 0.0, 0.0), model, prior, rng, config.particles_last)
         tolerance = depth_tolerance(self._noise, frame.camera, _distance(frame, box)) if config.sensor else PERFECT
         plane = support_plane(frame, box, rng, tolerance=tolerance.plane) if config.support else None
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
@@ -262,7 +265,7 @@ class PoseEstimator:
             looked_at = observation.to("cpu")
             effective = 1.0 / (float((weights**2).sum()) * len(weights))
             shares, chosen = np.ones(1), 0
-            counts = self._exact(observation, label, model, modes)
+            counts = self._exact(looked_at, label, model, modes)
         else:
             modes = self._rivals(observation, model, particles, scores)
             looked_at = thinned(observation).to("cpu")
@@ -279,8 +282,11 @@ class PoseEstimator:
                 rng=rng,
             )
             weights = torch.full((len(particles),), 1.0 / len(particles))
-            shares = torch.softmax(log_likelihood(counts, looked_at), 0).double().numpy()
-            chosen = int(expected_hits(poses(modes, model.p_OM), shares, symmetry).argmax())
+            cell = nearest(particles, modes, config.noise_translation, 2 * config.noise_rotation)
+            shares = np.bincount(cell.numpy(), minlength=len(modes)) / len(particles)
+            # By the softer likelihood, which the belief's own would be too sure for.
+            soft = torch.softmax(log_likelihood(counts, looked_at), 0).double().numpy()
+            chosen = int(expected_hits(poses(modes, model.p_OM), soft, symmetry).argmax())
         rivals = to_world(modes, frame, model.p_OM)
         order = np.argsort(-shares, kind="stable")
         told = Modes(
@@ -303,6 +309,7 @@ class PoseEstimator:
             "translation_std_m": float(shift),
             "rotation_std_rad": float(angle),
             "right_pose": near_share(X_WO, X_WOs, p, symmetry),
+            "mode_entropy_nats": float(-(shares[shares > 0] * np.log(shares[shares > 0])).sum()),
         }
         return PoseEstimate(
             PoseBelief(readonly(X_WOs), readonly(p)),
@@ -345,13 +352,14 @@ class PoseEstimator:
 
 
 def _distance(frame: Frame, box: Box) -> float:
-    """Median depth in a box, metres; 1 where nothing was measured."""
+    """Lower quartile of the depth in a box, metres, since what is looked for has its background behind it; 1 where
+    nothing was measured."""
     x, y, w, h = box
     top, bottom = (int(np.clip(np.ceil(v), 0, frame.camera.height)) for v in (y, y + h))
     left, right = (int(np.clip(np.ceil(u), 0, frame.camera.width)) for u in (x, x + w))
     depth = frame.depth[top:bottom, left:right]
     seen = depth[np.isfinite(depth) & (depth > 0)]
-    return float(np.median(seen)) if len(seen) else 1.0
+    return float(np.quantile(seen, 0.25)) if len(seen) else 1.0
 
 
 def _about_axes(*angles: float) -> Tensor:
@@ -407,6 +415,7 @@ def _nothing_seen(
         ("translation_std_m", float(np.linalg.norm(spread))),
         ("rotation_std_rad", float(np.pi)),
         ("right_pose", 0.0),
+        ("mode_entropy_nats", 0.0),
     )
     modes = Modes(readonly(best[None]), readonly(np.ones(1)), readonly(np.zeros((1, len(TERMS)))))
     return PoseEstimate(belief, readonly(best), 0.0, modes, features)

@@ -39,7 +39,7 @@ class Observation(Immutable):
     beyond: Tensor
     """(h, w) bool: farther from the box than a detector's is off."""
     box: Box
-    """In pixels of the crop."""
+    """Its part in the picture, in pixels of the crop."""
     n: int
     """N: observed points in the box, those of the plane aside."""
     tolerance: DepthTolerance
@@ -95,7 +95,7 @@ def observe(
         torch.from_numpy(
             (np.maximum(x - u, u - x - w) > SIDE_ERROR * w) | (np.maximum(y - v, v - y - h) > SIDE_ERROR * h)
         ),
-        (x - left, y - top, w, h),
+        _cut(box, frame.camera, left, top),
         int(np.count_nonzero(valid & ~support)),
         tolerance,
         plane,
@@ -129,6 +129,13 @@ def thinned(observation: Observation, *, margin: float = 0.35, pixels: int = 800
     )
 
 
+def _cut(box: Box, camera: Camera, left: int, top: int) -> Box:
+    """The part of a box that is in the picture, where alone things are seen to end, in pixels from (left, top)."""
+    x, y, w, h = box
+    u, v = min(max(x, 0.0), camera.width), min(max(y, 0.0), camera.height)
+    return u - left, v - top, max(min(x + w, camera.width) - u, 0.0), max(min(y + h, camera.height) - v, 0.0)
+
+
 LEAST_LEFT = 0.1
 """Where less of a box than this is left without the plane, the object lies in it: a lid, a sheet."""
 SUNK = 0.01
@@ -159,7 +166,7 @@ class Counts:
     inliers: Tensor
     """I, inside the box only."""
     free_space: Tensor
-    """F: in front of what was observed, not counting edges."""
+    """F: where none can be: in front of what was observed, edges aside, under the plane, or far beyond the box."""
     occluded: Tensor
     """Behind what was observed."""
     rendered: Tensor
@@ -261,8 +268,8 @@ WEIGHTS = 7.6, -15.0, -1.1
 over the rival modes of poured scenes, `benchmarks/mode_fit.py`."""
 BELIEF = 6.0
 """Power of the likelihood that beliefs are drawn by. Near a mode the weights, which tell modes apart, make too little
-of a pixel; at this power the share of a belief that is near the estimate is how often the estimate is right.
-Measured, as the weights are."""
+of a pixel; at this power the share of a belief that is near the estimate is about how often the estimate is right,
+on the scenes of `benchmarks/mode_fit.py`, by which it was chosen."""
 SIDE_ERROR, SIDE_CAP = 0.15, 4.0
 """Standard deviation of a side of a box, as a share of its size, and the most that one side can say."""
 

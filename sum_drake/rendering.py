@@ -13,6 +13,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
@@ -51,10 +52,17 @@ def mesh_arrays(catalogue: "Catalogue", label: str) -> tuple[Array, NDArray[np.i
 
 
 def coarse(vertices: Array, faces: NDArray[np.int64], limit: int) -> tuple[Array, NDArray[np.int64]]:
-    """A copy of a mesh with at most `limit` faces, by merging the vertices of each cell of the finest grid that does.
+    """A copy of a mesh with at most `limit` faces. Vertices (v, 3) and faces (f, 3) in and out.
 
-    Vertices (v, 3) and faces (f, 3) in and out. Each merged vertex is the mean of its cell's.
+    Edges are collapsed where that changes the shape least (Garland and Heckbert, "Surface Simplification Using Quadric
+    Error Metrics", 1997). What is left of a mesh of many loose parts, whose edges end, loses faces as the vertices of
+    each cell of a grid are merged to their mean.
     """
+    if len(faces) <= limit:
+        return vertices, faces
+    simple = trimesh.Trimesh(vertices, faces).simplify_quadric_decimation(face_count=limit)
+    if len(simple.faces):
+        vertices, faces = np.asarray(simple.vertices, np.float64), np.asarray(simple.faces, np.int64)
     cell = float(np.ptp(vertices, axis=0).max()) / 256
     while len(faces) > limit:
         keys = np.floor((vertices - vertices.min(axis=0)) / cell).astype(np.int64)
@@ -140,16 +148,20 @@ class DepthRenderer:
         """Poses that were rendered so far."""
         return sum(scene.rendered for scene, _, _ in self._scenes.values())
 
+    def warm(self, label: str) -> None:
+        """Builds the engine of a label, unless it is there."""
+        if label in self._scenes:
+            return
+        vertices, faces = mesh_arrays(self._catalogue, label)
+        p_OM, radius = _ball(vertices, faces)
+        self._scenes[label] = (_Scene(_in_memory(*coarse(vertices, faces, self._faces)), 1), p_OM, radius)
+
     def depth(self, label: str, X_CO: Array, camera: Camera) -> NDArray[np.float32]:
         """z-depth (h, w) in metres of the object at X_CO (4, 4), 0 where it is not seen.
 
         Raises RuntimeError when called from another thread than the one that asked for the label first.
         """
-        if label not in self._scenes:
-            vertices, faces = mesh_arrays(self._catalogue, label)
-            p_OM, radius = _ball(vertices, faces)
-            scene = _Scene(_in_memory(*coarse(vertices, faces, self._faces)), 1)
-            self._scenes[label] = (scene, p_OM, radius)
+        self.warm(label)
         scene, p_OM, radius = self._scenes[label]
         # Planes tight around the object keep VTK's depth exact to a few micrometres.
         z = float(X_CO[2, :3] @ p_OM + X_CO[2, 3])
@@ -175,7 +187,7 @@ class Atlas:
     """
 
     def __init__(
-        self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 9, limit: int = 400
+        self, vertices: Array, faces: NDArray[np.int64], *, tile: int = 32, columns: int = 9, limit: int = 300
     ) -> None:
         self.p_OM, radius = _ball(vertices, faces)
         """(3,): the object's middle M, the centroid of its surface, which each tile shows at its centre."""
@@ -268,7 +280,7 @@ def see_surface(
     """
     from scipy.spatial import cKDTree
 
-    atlas = Atlas(vertices, faces, tile=tile, limit=1000)
+    atlas = Atlas(vertices, faces, tile=tile, limit=600)
     p_MSs, n_Ss = sample_mesh(vertices - atlas.p_OM, faces, samples, np.random.default_rng(seed))
     tree = cKDTree(p_MSs)
     directions = fibonacci_sphere(views)

@@ -78,8 +78,10 @@ class DepthNoiseConfig:
         for name in (
             "axial_constant", "axial_quadratic", "baseline", "disparity_step", "lateral", "edge_jump", "edge_erosion",
         ):  # fmt: skip
-            if not getattr(self, name) >= 0:
-                raise InputError(f"noise: {name} is {getattr(self, name)}, expected a number >= 0")
+            if not 0 <= getattr(self, name) < np.inf:
+                raise InputError(f"noise: {name} is {getattr(self, name)}, expected a finite number >= 0")
+        if self.edge_erosion != int(self.edge_erosion):
+            raise InputError(f"noise: edge_erosion is {self.edge_erosion}, expected a whole number of pixels")
         for name in ("edge_dropout", "dropout"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"noise: {name} is {getattr(self, name)}, expected a probability")

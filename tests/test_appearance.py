@@ -35,7 +35,7 @@ def test_the_view_that_is_looked_up_is_as_good_as_the_nearest(seed: int) -> None
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     found = _view_table(1000, "cpu").nearest(torch.from_numpy(rays)).numpy()
     angles = np.degrees(np.arccos(np.clip(rays @ directions.T, -1, 1)))
-    assert np.all(angles[np.arange(200), found] <= angles.min(1) + 1.5)
+    assert np.all(angles[np.arange(200), found] <= angles.min(1) + 2.0)
 
 
 def test_poles_and_the_seam_have_views() -> None:

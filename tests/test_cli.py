@@ -317,6 +317,7 @@ def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
         "score",
         "translation_std_m",
         "rotation_std_rad",
+        "modes",
         "message",
     }
     assert can.keys() == unicorn.keys() == keys

@@ -23,7 +23,8 @@ def test_a_scene_is_a_function_of_its_seed(scene, renderer):
     again, other = pose_scene(CATALOGUE, renderer, 1000), pose_scene(CATALOGUE, renderer, 1001)
     np.testing.assert_array_equal(scene.frame.depth, again.frame.depth)
     assert [one.box for one in scene.instances] == [one.box for one in again.instances]
-    assert (scene.sensor, other.sensor) == ("structured_light", "stereo")
+    tuning = pose_scene(CATALOGUE, renderer, 1)
+    assert (scene.sensor, other.sensor, tuning.sensor) == ("structured_light", "wide_stereo", "stereo")
     assert not np.array_equal(scene.frame.depth, other.frame.depth)
 
 

@@ -7,6 +7,7 @@ import trimesh
 from scenes import observe, standing
 from shapes import write_model
 
+from sum_drake.estimates import pose_probability
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import rotation_angle, rotation_from_vector
@@ -144,6 +145,8 @@ def test_a_twofold_shape_has_two_modes_of_like_mass(shapes, estimator, seed):
         assert sum(masses) > 0.75
     # One of two that are alike is right half of the time, and it says so.
     assert 0.2 < dict(estimate.features)["right_pose"] < 0.8
+    assert estimate.likelihood > 0.9
+    assert pose_probability(0.99, 1.0, estimate) < 0.8, "however well it explains the depth"
 
 
 def test_a_can_has_a_ring(shapes, estimator):

@@ -6,6 +6,7 @@ is done is kept in rows.jsonl as it grows: called again with the same settings, 
 
 import dataclasses
 import functools
+import hashlib
 import json
 import multiprocessing
 import tempfile
@@ -21,9 +22,9 @@ from sum_drake.appearance import Appearances
 from sum_drake.assets import InputError, one_line
 from sum_drake.bench.pose_figures import METHODS, PoseRow, errors, figures
 from sum_drake.bench.pose_report import report_page
-from sum_drake.bench.pose_scenes import SENSORS, Instance, PoseScene, other_meshes, pose_scene
+from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
 from sum_drake.bench.results import write_results
-from sum_drake.existence import track_probability
+from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
 from sum_drake.filter_config import FilterConfig, filter_config
 from sum_drake.filtering import PoseEstimator
@@ -37,8 +38,6 @@ FILES = ("results.json", "report.html", "rows.jsonl")
 SCENES, QUICK_SCENES = 40, 4
 SEEDS, QUICK_SEEDS = 2, 1
 """Estimates of each instance, from seeds of their own."""
-FIRST_SCENE = 1000
-"""Scenes before are for tuning."""
 OWN_SENSOR = "default_own_sensor"
 """The default, told the noise model of the sensor; the other methods take each for a structured-light camera."""
 WRONG = 1e3
@@ -85,6 +84,7 @@ def bench_pose(
     seed: int = 0,
     methods: Sequence[str] = METHODS,
     workers: int = 2,
+    device: str = "cpu",
     progress: Progress = lambda what, done, total: None,
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
@@ -99,23 +99,35 @@ def bench_pose(
         raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(known)}")
     if any(name.startswith("fpfh") for name in methods):
         FpfhEstimator(catalogue, FpfhConfig()).warm(catalogue.labels[0])  # refused here rather than in a worker
-    settings = {"quick": quick, "seed": seed, "catalogue": str(catalogue.path)}
+    settings = {
+        "quick": quick,
+        "seed": seed,
+        "device": device,
+        "catalogue": str(catalogue.path),
+        "filters": _digest(filter_configs()),
+    }
     count = scenes or (QUICK_SCENES if quick else SCENES)
     seeds = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + count)
     log = _Log(out, settings)
     wanted = [(scene, method) for scene in seeds for method in methods]
     tasks = [task for task in wanted if task not in log.done]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
-        other_meshes(catalogue, Path(scratch), seed)
-        measure = functools.partial(_measure, catalogue.path, Path(scratch), seed, QUICK_SEEDS if quick else SEEDS)
+        other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
+        measure = functools.partial(
+            _measure, catalogue.path, Path(scratch), seed, device, QUICK_SEEDS if quick else SEEDS
+        )
         progress("measuring", len(wanted) - len(tasks), len(wanted))
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(workers, context, ignore_interrupts) as pool:
             with one_thread_each():
                 futures = {pool.submit(measure, *task): task for task in tasks}
-            for future in as_completed(futures):
-                log.add(*futures[future], future.result())
-                progress("measuring", sum(task in log.done for task in wanted), len(wanted))
+            try:
+                for future in as_completed(futures):
+                    log.add(*futures[future], future.result())
+                    progress("measuring", sum(task in log.done for task in wanted), len(wanted))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
         rows = [row for row in log.rows if (row.scene, row.method) in wanted]
         rows.sort(key=lambda row: (known.index(row.method), row.scene, row.label, row.seed))
         found = figures(rows)
@@ -125,7 +137,7 @@ def bench_pose(
         "pose",
         quick=quick,
         settings=settings | {"scenes": count, "methods": list(methods), "wall_s": time.monotonic() - start},
-        seeds={"scenes": seeds.start, "meshes": seed},
+        seeds={"scenes": seeds.start, "meshes": FIRST_SCENE + seed},
         figures=found,
         rows=[{"table": "estimate", **dataclasses.asdict(row)} for row in rows],
     )
@@ -137,6 +149,11 @@ def _scene_again(catalogue: Catalogue, seed: int) -> PoseScene:
     return pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), seed)
 
 
+def _digest(configs: Mapping[str, FilterConfig]) -> str:
+    text = json.dumps({name: dataclasses.asdict(config) for name, config in configs.items()}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
 class _Log:
     """rows.jsonl: settings in the first line, then one line for each scene and method that are done."""
 
@@ -145,7 +162,11 @@ class _Log:
         self.rows: list[PoseRow] = []
         self.done: set[tuple[int, str]] = set()
         out.mkdir(parents=True, exist_ok=True)
-        lines = self._path.read_text().splitlines() if self._path.is_file() else []
+        text = self._path.read_text() if self._path.is_file() else ""
+        if not text.endswith("\n"):  # cut off while it was written
+            text = text[: text.rfind("\n") + 1]
+            write_whole(self._path, text)
+        lines = text.splitlines()
         if not lines:
             self._path.write_text(json.dumps(settings) + "\n")
             return
@@ -176,83 +197,89 @@ Answer = tuple[Array | None, float, int]
 """X_WO (4, 4), the probability that it is right, and how many pictures were rendered."""
 
 
-class _Worker:
-    """One process's scenes and estimators."""
+class _Filter:
+    """A filter as a method of the bench. estimators: by sensor."""
 
-    def __init__(self, catalogue: Path, scratch: Path, seed: int) -> None:
+    def __init__(self, estimators: Mapping[str, PoseEstimator]) -> None:
+        self._estimators = estimators
+
+    def warm(self, scene: PoseScene, label: str) -> None:
+        """What is made once for each label is no part of an estimate's cost."""
+        self._estimators[scene.sensor].warm(label)
+
+    def estimate(self, scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
+        """As if a detector had been rather sure of the label."""
+        estimator = self._estimators[scene.sensor]
+        before = estimator.renders
+        found = estimator.estimate(scene.frame, instance.box, instance.label, rng=np.random.default_rng(entropy))
+        return found.X_WO, pose_probability(0.9, 0.9, found), estimator.renders - before
+
+
+class _Fpfh:
+    """The baseline as a method of the bench."""
+
+    def __init__(self, estimator: FpfhEstimator) -> None:
+        self._estimator = estimator
+
+    def warm(self, scene: PoseScene, label: str) -> None:
+        """Describes the label's mesh."""
+        self._estimator.warm(label)
+
+    def estimate(self, scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
+        """Without a probability."""
+        seed = int(np.random.default_rng(entropy).integers(2**31))
+        return self._estimator.estimate(scene.frame, instance.box, instance.label, seed=seed), float("nan"), 0
+
+
+class _Worker:
+    """One process's scenes and methods."""
+
+    def __init__(self, catalogue: Path, scratch: Path, seed: int, device: str) -> None:
         self.catalogue = load_catalogue(catalogue)
-        self._told = other_meshes(self.catalogue, scratch, seed)
+        self._told = other_meshes(self.catalogue, scratch, FIRST_SCENE + seed)
         self._renderer = DepthRenderer(self.catalogue, faces=20_000)
-        self._appearances: dict[str, Appearances] = {}
         self.scene = functools.lru_cache(maxsize=2)(self._scene)
         self.method = functools.cache(self._method)
+        self._appearances = functools.cache(functools.partial(Appearances, self._told, device=device))
 
     def _scene(self, seed: int) -> PoseScene:
         return pose_scene(self.catalogue, self._renderer, seed)
 
-    def _method(self, name: str) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
+    def _method(self, name: str) -> _Filter | _Fpfh:
         if name.startswith("fpfh"):
-            return self._fpfh(FpfhEstimator(self._told, FpfhConfig(refine=name == "fpfh_icp")))
+            return _Fpfh(FpfhEstimator(self._told, FpfhConfig(refine=name == "fpfh_icp")))
         config = filter_configs()[name]
-        appearances = self._appearances.setdefault(config.render, Appearances(self._told, config.render))
-        sensors = SENSORS if name == OWN_SENSOR else dict.fromkeys(SENSORS)
-        return self._filter(
-            {
-                sensor: PoseEstimator(self._told, config, noise=noise, appearances=appearances)
-                for sensor, noise in sensors.items()
-            }
-        )
-
-    @staticmethod
-    def _filter(estimators: dict[str, PoseEstimator]) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
-        def estimate(scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
-            estimator = estimators[scene.sensor]
-            before = estimator.renders
-            found = estimator.estimate(scene.frame, instance.box, instance.label, rng=np.random.default_rng(entropy))
-            # As if a detector had been rather sure of the label.
-            return found.X_WO, track_probability(0.9, 0.9, found.likelihood), estimator.renders - before
-
-        return estimate
-
-    @staticmethod
-    def _fpfh(estimator: FpfhEstimator) -> "Callable[[PoseScene, Instance, list[int]], Answer]":
-        def estimate(scene: PoseScene, instance: Instance, entropy: list[int]) -> Answer:
-            seed = int(np.random.default_rng(entropy).integers(2**31))
-            return estimator.estimate(scene.frame, instance.box, instance.label, seed=seed), float("nan"), 0
-
-        return estimate
-
-    def warm(self, method: str, label: str) -> None:
-        """What is made once for each label is no part of an estimate's cost."""
-        if method.startswith("fpfh"):
-            return
-        render = filter_configs()[method].render
-        self._appearances.setdefault(render, Appearances(self._told, render))[label]
+        make = functools.partial(PoseEstimator, self._told, config, appearances=self._appearances(config.render))
+        if name == OWN_SENSOR:
+            return _Filter({sensor: make(noise=noise) for sensor, noise in SENSORS.items()})
+        return _Filter(dict.fromkeys(SENSORS, make()))
 
 
 @functools.lru_cache(maxsize=1)
-def _worker(catalogue: Path, scratch: Path, seed: int) -> _Worker:
+def _worker(catalogue: Path, scratch: Path, seed: int, device: str) -> _Worker:
     import torch
 
     torch.set_num_threads(1)
-    return _Worker(catalogue, scratch, seed)
+    return _Worker(catalogue, scratch, seed, device)
 
 
-def _measure(catalogue: Path, scratch: Path, seed: int, seeds: int, scene_seed: int, method: str) -> list[PoseRow]:
-    worker = _worker(catalogue, scratch, seed)
-    scene, estimate = worker.scene(scene_seed), worker.method(method)
+def _measure(
+    catalogue: Path, scratch: Path, seed: int, device: str, seeds: int, scene_seed: int, name: str
+) -> list[PoseRow]:
+    worker = _worker(catalogue, scratch, seed, device)
+    scene, method = worker.scene(scene_seed), worker.method(name)
     rows = []
     for i, instance in enumerate(scene.instances):
-        worker.warm(method, instance.label)
+        method.warm(scene, instance.label)
         for k in range(seeds):
             begun = time.process_time()
-            X_WO, probability, renders = estimate(scene, instance, [scene_seed, i, k])
+            X_WO, probability, renders = method.estimate(scene, instance, [scene_seed, i, k])
             cpu_s = time.process_time() - begun
             model = worker.catalogue[instance.label]
             shift, angle, raw, distance = (WRONG,) * 4 if X_WO is None else errors(model, X_WO, instance.X_WO)
             rows.append(
                 PoseRow(
-                    method=method,
+                    method=name,
                     scene=scene_seed,
                     label=instance.label,
                     seed=k,

@@ -74,6 +74,7 @@ def _add_pose(benches: Commands) -> None:
         "--methods", nargs="+", metavar="NAME", help="some methods, ablations too (default: all but those)"
     )
     add_catalogue(one)
+    one.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
     add_parallel(one, "--workers", "processes")
     one.add_argument("--force", action="store_true", help="start anew in the folder")
     add_quiet(one)
@@ -89,6 +90,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
     check_count("--seed", options.seed, least=0)
     check_count("--workers", options.workers)
     check_count("--scenes", options.scenes)
+    check_device(options.device)
     begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
     if options.force or not begun:
         check_free(options.out, FILES, force=options.force, what="bench")
@@ -104,6 +106,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
         seed=options.seed,
         methods=options.methods or METHODS,
         workers=options.workers,
+        device=options.device,
         progress=Counting(quiet=options.quiet),
     )
     print(format_figures(found, AIMS))

@@ -71,7 +71,7 @@ def _estimate(options: argparse.Namespace) -> None:
     boxes = read.boxes if read.boxes is not None else _detect(read, catalogue, options.weights)
     require_rendering()
     tell = Counting(quiet=options.quiet)
-    workers = min(options.workers, len({one.label for one in boxes}))
+    workers = min(options.workers, len(boxes))
     cpu = [0.0]
 
     def count(seconds: float) -> None:
