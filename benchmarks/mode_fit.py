@@ -38,7 +38,7 @@ EDGES = (0.0, 0.3, 0.6, 0.8, 0.95, 1.0)
 
 
 def estimates(scenes: int) -> list[dict[str, object]]:
-    """Of every object that is in its box: terms (m, 3) of its modes, which are right (m,), and what was made of it."""
+    """Of every object that is in its box: terms (m, 4) of its modes, which are right (m,), and what was made of it."""
     catalogue = load_catalogue()
     renderer = DepthRenderer(catalogue, faces=20_000)
     found: list[dict[str, object]] = []
@@ -70,7 +70,7 @@ def estimates(scenes: int) -> list[dict[str, object]]:
 
 
 def fit(rows: list[dict[str, object]]) -> Array:
-    """Weights (3,) of the terms under which right modes are likeliest among their rivals."""
+    """Weights (4,) of the terms under which right modes are likeliest among their rivals."""
     told = [row for row in rows if np.any(row["right"])]
 
     def loss(weights: Array) -> float:

@@ -165,6 +165,8 @@ class Counts:
 
     inliers: Tensor
     """I, inside the box only."""
+    close: Tensor
+    """Of them, each weighed 1 - (2 d / epsilon)^2, those within half of epsilon."""
     free_space: Tensor
     """F: where none can be: in front of what was observed, edges aside, under the plane, or far beyond the box."""
     occluded: Tensor
@@ -221,6 +223,7 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     gap = (z - z_observed) * ((x * x + y * y + z * z).sqrt() * scale)
     near = gap.abs() < epsilon
     match = pixels * (near & in_box)
+    close = pixels * in_box * (1 - (2 * gap / epsilon) ** 2).clamp(min=0)
     if soft:
         match = match * (1 - (gap / epsilon) ** 2)
     # What is seen of an object is in its box.
@@ -232,6 +235,7 @@ def count(observation: Observation, p_CPs: Tensor, areas: Tensor, epsilon: float
     infinite = p_CPs.new_tensor(torch.inf)
     return Counts(
         match.sum(-1),
+        close.sum(-1),
         (pixels * impossible).sum(-1),
         (pixels * (gap >= epsilon)).sum(-1),
         pixels.sum(-1),
@@ -261,12 +265,12 @@ def paper_likelihood(counts: Counts, n: int) -> Tensor:
     return counts.inliers / max(n, 1)
 
 
-TERMS = ("explained", "contradicted", "sides")
+TERMS = ("explained", "close", "contradicted", "sides")
 """What the log-likelihood is made of, see `terms`."""
-WEIGHTS = 7.6, -15.0, -1.1
+WEIGHTS = 7.6, 6.0, -15.0, -1.1
 """Of the terms. Pixels are no independent witnesses, so what a box full of them says was measured: a conditional logit
 over the rival modes of poured scenes, `benchmarks/mode_fit.py`."""
-BELIEF = 6.0
+BELIEF = 4.0
 """Power of the likelihood that beliefs are drawn by. Near a mode the weights, which tell modes apart, make too little
 of a pixel; at this power the share of a belief that is near the estimate is about how often the estimate is right,
 on the scenes of `benchmarks/mode_fit.py`, by which it was chosen."""
@@ -275,7 +279,10 @@ SIDE_ERROR, SIDE_CAP = 0.15, 4.0
 
 
 def terms(counts: Counts, observation: Observation) -> Tensor:
-    """(n, 3), of each pose: inliers over N, impossible pixels over N, and how far off the box's sides are.
+    """(n, 4), of each pose: inliers, close ones and impossible pixels over N, and how far off the box's sides are.
+
+    What a shape nearly allows, as a box of almost square section that is turned by a quarter, explains as much, but
+    less closely.
 
     Hidden points count neither way. Each side of the box should be where what is seen of the object ends, give or take
     a detector's error; a side that is far off says no more than that the box is wrong.
@@ -285,7 +292,8 @@ def terms(counts: Counts, observation: Observation) -> Tensor:
     box = counts.sides.new_tensor([x, y, x + w, y + h])
     size = counts.sides.new_tensor([w, h, w, h]).clamp(min=1.0)
     off = ((counts.sides - box) / (size * SIDE_ERROR)) ** 2 / 2
-    return torch.stack([counts.inliers / n, counts.free_space / n, off.clamp(max=SIDE_CAP).sum(-1)], -1)
+    of_n = [counts.inliers / n, counts.close / n, counts.free_space / n]
+    return torch.stack([*of_n, off.clamp(max=SIDE_CAP).sum(-1)], -1)
 
 
 def log_likelihood(counts: Counts, observation: Observation) -> Tensor:

@@ -26,7 +26,7 @@ class Modes(Immutable):
     probabilities: Array
     """(m,), which sum to 1: share of the belief that is nearer to the mode than to the others."""
     terms: Array
-    """(m, 3): what their likelihood is made of, `likelihood.TERMS`."""
+    """(m, 4): what their likelihood is made of, `likelihood.TERMS`."""
 
 
 def distinct(particles: Particles, scores: Tensor, limit: int) -> Particles:
