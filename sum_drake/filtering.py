@@ -12,15 +12,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sum_drake.appearance import Appearance, Appearances, Shown
+from sum_drake.appearance import Appearance, Appearances
 from sum_drake.depth_tolerance import PERFECT, depth_tolerance
 from sum_drake.filter_config import FilterConfig
 from sum_drake.geometry import (
     rotation_error,
     rotation_from_quaternion,
-    rotation_from_vector,
-    super_fibonacci,
-    transform,
 )
 from sum_drake.likelihood import (
     BELIEF,
@@ -28,20 +25,19 @@ from sum_drake.likelihood import (
     Counts,
     Observation,
     confidence,
-    count,
     count_picture,
     log_likelihood,
     observe,
     paper_likelihood,
     pixel_rays,
-    register,
     terms,
     thinned,
 )
-from sum_drake.modes import Modes, distinct, expected_hits, near_share, tempered
-from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world, turn
+from sum_drake.modes import Modes, expected_hits, near_share, tempered
+from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world
 from sum_drake.posterior import nearest, sample_posterior
 from sum_drake.rendering import DepthRenderer
+from sum_drake.search import Sought, rivals, score, search, start
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
@@ -148,116 +144,28 @@ class PoseEstimator:
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
         if observation.n < max(tolerance.least_points, 1):
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
+        sought = Sought(observation, model, config)
         if prior is None:
-            particles = self._start(observation, model, config.particles, rng)
-            particles, scores = self._search(observation, model, particles, config.iterations, 0.0, rng)
+            particles, scores = search(sought, start(sought, config.particles, rng), config.iterations, 0.0, rng)
         else:
             held = resampled(to_camera(prior, frame, model.p_OM), prior.weights, config.tracking_particles, rng)
-            fresh = self._start(observation, model, int(config.fresh * config.tracking_particles), rng)
+            fresh = start(sought, int(config.fresh * config.tracking_particles), rng)
             particles = join(held[len(fresh) :], fresh)
             # Tracking starts half-way down the schedule of noise: the prior is near, or else of no use.
-            particles, scores = self._search(observation, model, particles, config.tracking_iterations, 0.5, rng)
-        return self._conclude(frame, observation, label, model, particles, scores, rng)
-
-    def _start(self, observation: Observation, model: Appearance, n: int, rng: np.random.Generator) -> Particles:
-        """Particles spread over what the box allows."""
-        observation = observation.to("cpu")
-        v, u = torch.nonzero(observation.in_box, as_tuple=True)
-        z = observation.depth[v, u]
-        camera = observation.camera
-        if self._config.start == "uniform":
-            R_COs = torch.from_numpy(rotation_from_quaternion(rng.normal(size=(n, 4)))).float()
-            pixel = torch.from_numpy(rng.integers(len(u), size=n))
-            near, far = np.quantile(z[z > 0].numpy(), [0.05, 0.95])
-            depth = torch.from_numpy(rng.uniform(near, far + model.radius, n)).float()
-            return Particles(R_COs, pixel_rays(camera, u[pixel], v[pixel]) * depth[:, None])
-        R_COs = torch.from_numpy(rotation_from_quaternion(super_fibonacci(n, rng))).float()
-        # The surface that a particle shows on the ray through its middle is put where that ray was observed.
-        valid = z > 0
-        u, v, z = u[valid], v[valid], z[valid]
-        pixel = torch.from_numpy(rng.integers(len(u), size=n))
-        p_CQs = pixel_rays(camera, u[pixel], v[pixel]) * z[pixel, None]
-        rays = p_CQs / p_CQs.norm(dim=-1, keepdim=True)
-        p_MPs = model.show(Particles(R_COs, p_CQs)).p_CPs.cpu() - p_CQs[:, None]
-        along = (p_MPs * rays[:, None]).sum(-1)
-        nearest = ((p_MPs * p_MPs).sum(-1) - along**2).argmin(-1)
-        return Particles(R_COs, p_CQs - rays * along.gather(1, nearest[:, None]))
-
-    def _search(
-        self,
-        observation: Observation,
-        model: Appearance,
-        particles: Particles,
-        iterations: int,
-        begin: float,
-        rng: np.random.Generator,
-    ) -> tuple[Particles, Tensor]:
-        """Iterated likelihood weighting. Returns the last particles, weighted by their scores, not yet resampled."""
-        config = self._config
-        for reach in np.geomspace(0.06, 0.03, config.warmup) if config.warmup else []:
-            particles = _registered(observation, model, particles, float(reach))
-        count_first = len(particles)
-        scores = torch.zeros(0)
-        for i in range(iterations):
-            share = begin + (1 - begin) * i / max(iterations - 1, 1)
-            epsilon = observation.tolerance.epsilon(_fall(config.epsilon_first, config.epsilon, share))
-            if i > 0:
-                n = round(_fall(count_first, config.particles_last, i / max(iterations - 1, 1)))
-                weights = tempered(scores, config.effective_share)
-                best = particles[scores.argmax()[None]]
-                particles = resampled(particles, weights.double().numpy(), n, rng)
-                particles = self._moved(observation, model, particles, share, epsilon, rng)
-                if config.effective_share > 0:
-                    particles = join(best, particles[1:])
-            scores = self._score(observation, model.show(particles), epsilon)
-        return particles, scores
-
-    def _moved(
-        self,
-        observation: Observation,
-        model: Appearance,
-        particles: Particles,
-        share: float,
-        epsilon: float,
-        rng: np.random.Generator,
-    ) -> Particles:
-        """The state transition of the bootstrap filter: noise, of which part is followed by a registration step."""
-        config = self._config
-        n = len(particles)
-        sigma_p = _fall(config.noise_translation_first, config.noise_translation, share)
-        sigma_R = _fall(config.noise_rotation_first, config.noise_rotation, share)
-        noise_p = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_p
-        noise_R = torch.from_numpy(rng.normal(size=(n, 3))).float() * sigma_R
-        registered = round(config.registered * n)
-        flipped = round(config.flipped * n)
-        turned = turn(particles, noise_R, noise_p)
-        if flipped:
-            turns = _TURNS[torch.from_numpy(rng.integers(len(_TURNS), size=flipped))]
-            flips = Particles(turned.R_COs[:flipped] @ turns, turned.p_CMs[:flipped])
-            turned = join(flips, turned[flipped:])
-        if registered:
-            moved = _registered(observation, model, turned[:registered], 4 * epsilon)
-            turned = join(moved, turned[registered:])
-        return turned
-
-    def _score(self, observation: Observation, shown: Shown, epsilon: float, *, soft: bool = True) -> Tensor:
-        """Log-likelihood of what is shown, (n,), on the CPU. soft: as of `count`, for all but the published score."""
-        if self._config.score == "inliers":
-            return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log().cpu()
-        return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft), observation).cpu()
+            particles, scores = search(sought, particles, config.tracking_iterations, 0.5, rng)
+        return self._conclude(frame, sought, label, particles, scores, rng)
 
     def _conclude(
         self,
         frame: Frame,
-        observation: Observation,
+        sought: Sought,
         label: str,
-        model: Appearance,
         particles: Particles,
         scores: Tensor,
         rng: np.random.Generator,
     ) -> PoseEstimate:
-        config = self._config
-        epsilon = observation.tolerance.epsilon(config.epsilon)
+        """The estimate, and the belief about it, of what a search ended with."""
+        observation, model, config = sought.observation, sought.model, sought.config
         symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
             # As published: the weighted particles are the belief, the most likely one the estimate.
@@ -267,13 +175,13 @@ class PoseEstimator:
             shares, chosen = np.ones(1), 0
             counts = self._exact(looked_at, label, model, modes)
         else:
-            modes = self._rivals(observation, model, particles, scores)
+            modes = rivals(sought, particles, scores)
             looked_at = thinned(observation).to("cpu")
             counts = self._exact(looked_at, label, model, modes)
             # Registration makes an optimiser of the filter, whose particles say nothing of how sure it is: the belief
             # is drawn anew.
             particles, effective = sample_posterior(
-                lambda drawn: BELIEF * self._score(observation, model.show(drawn), epsilon, soft=False),
+                lambda drawn: BELIEF * score(sought, drawn, sought.epsilon(), soft=False),
                 modes,
                 BELIEF * log_likelihood(counts, looked_at),
                 config.particles_last,
@@ -287,14 +195,14 @@ class PoseEstimator:
             # By the softer likelihood, which the belief's own would be too sure for.
             soft = torch.softmax(log_likelihood(counts, looked_at), 0).double().numpy()
             chosen = int(expected_hits(poses(modes, model.p_OM), soft, symmetry).argmax())
-        rivals = to_world(modes, frame, model.p_OM)
+        of_modes = to_world(modes, frame, model.p_OM)
         order = np.argsort(-shares, kind="stable")
         told = Modes(
-            readonly(rivals[order]), readonly(shares[order]), readonly(terms(counts, looked_at)[order].numpy())
+            readonly(of_modes[order]), readonly(shares[order]), readonly(terms(counts, looked_at)[order].numpy())
         )
         counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
         value = (paper_likelihood if config.score == "inliers" else confidence)(counts, looked_at.n)
-        X_WOs, X_WO = to_world(particles, frame, model.p_OM), rivals[chosen]
+        X_WOs, X_WO = to_world(particles, frame, model.p_OM), of_modes[chosen]
         p = weights.double().numpy()
         p = p / p.sum()
         shift = np.sqrt(p @ ((X_WOs[:, :3, 3] - X_WO[:3, 3]) ** 2).sum(-1))
@@ -319,28 +227,6 @@ class PoseEstimator:
             tuple(features.items()),
         )
 
-    def _rivals(self, observation: Observation, model: Appearance, particles: Particles, scores: Tensor) -> Particles:
-        """The best particles that differ, and what they become when they are moved and registered anew.
-
-        The moves are those after which the object looks nearly the same, and small turns.
-        """
-        config = self._config
-        modes = distinct(particles, scores, config.candidates)
-        few = modes[: config.candidates // 4]
-        turned = join(modes, _moved_in_itself(few, np.concatenate([model.X_MNs, _NUDGES])))
-        # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
-        for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
-            turned = _registered(observation, model, turned, reach)
-        candidates = join(modes, turned)
-        epsilon = observation.tolerance.epsilon(config.epsilon)
-        rivals = distinct(candidates, self._score(observation, model.show(candidates), epsilon), config.candidates)
-        # Rivals are compared at their best: one that is placed less well would lose for that alone.
-        tried = rivals
-        for _ in range(4):
-            tried = _registered(observation, model, tried, 2 * epsilon)
-        both = join(rivals, tried)
-        return distinct(both, self._score(observation, model.show(both), epsilon), config.candidates)
-
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
         epsilon = observation.tolerance.epsilon(self._config.epsilon)
@@ -360,38 +246,6 @@ def _distance(frame: Frame, box: Box) -> float:
     depth = frame.depth[top:bottom, left:right]
     seen = depth[np.isfinite(depth) & (depth > 0)]
     return float(np.quantile(seen, 0.25)) if len(seen) else 1.0
-
-
-def _about_axes(*angles: float) -> Tensor:
-    turns = [rotation_from_vector(np.eye(3)[i] * np.deg2rad(angle)) for angle in angles for i in range(3)]
-    return torch.from_numpy(np.stack(turns)).float()
-
-
-_TURNS = _about_axes(180, 90, -90)
-"""(9, 3, 3): half and quarter turns about an object's axes, which depth hardly tells apart on many a product."""
-_NUDGES = transform(_about_axes(15, -15, 30, -30).double().numpy(), np.zeros((12, 3)))
-"""(12, 4, 4): small turns, from which registration finds another way."""
-
-
-def _moved_in_itself(particles: Particles, X_MNs: Array) -> Particles:
-    """Each particle after each motion (k, 4, 4) about its middle."""
-    R_MNs, p_MNs = torch.from_numpy(X_MNs[:, :3, :3].copy()).float(), torch.from_numpy(X_MNs[:, :3, 3].copy()).float()
-    R_COs = particles.R_COs[:, None]
-    p_CNs = particles.p_CMs[:, None] + (R_COs @ p_MNs[None, :, :, None]).squeeze(-1)
-    return Particles((R_COs @ R_MNs).flatten(0, 1), p_CNs.flatten(0, 1))
-
-
-def _fall(first: float, last: float, share: float) -> float:
-    """From first to last, geometrically, as share goes from 0 to 1."""
-    return first * (last / first) ** share if first > 0 and last > 0 else last
-
-
-def _registered(observation: Observation, model: Appearance, particles: Particles, reach: float) -> Particles:
-    shown = model.show(particles, normals=True)
-    assert shown.normals_C is not None
-    p_CMs = particles.p_CMs.to(shown.p_CPs.device)
-    w_C, shift_C = register(observation, shown.p_CPs, shown.normals_C, p_CMs, reach)
-    return turn(particles, w_C.cpu(), shift_C.cpu())
 
 
 def _nothing_seen(
