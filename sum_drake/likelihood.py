@@ -268,9 +268,9 @@ def paper_likelihood(counts: Counts, n: int) -> Tensor:
 TERMS = ("explained", "close", "contradicted", "sides")
 """What the log-likelihood is made of, see `terms`."""
 WEIGHTS = 7.6, 6.0, -15.0, -1.1
-"""Of the terms. Pixels are no independent witnesses: what a box full of them says was fitted, by a conditional logit over
-the rival modes of poured scenes, then rounded and chosen. Later fits have other weights, which choose no better on
-scenes left out (`benchmarks/mode_fit.py`)."""
+"""Of the terms. Pixels are no independent witnesses: what a box full of them says was fitted, by a conditional logit
+over the rival modes of poured scenes, then rounded and chosen. Later fits have other weights, which choose no better
+on scenes left out (`benchmarks/mode_fit.py`)."""
 BELIEF = 4.0
 """Power of the likelihood that beliefs are drawn by. Near a mode the weights, which tell modes apart, make too little
 of a pixel. Chosen on the scenes of `benchmarks/mode_fit.py`: what is said to be right nearly surely is, what is said to
