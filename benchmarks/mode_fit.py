@@ -1,6 +1,6 @@
 """Fits the weights of the pose likelihood on poured scenes, and tells how far the belief's confidence can be trusted.
 
-    python benchmarks/mode_fit.py --scenes 14
+    python benchmarks/mode_fit.py
 
 Every object of the bench's tuning scenes (`bench.pose_scenes`, seeds from 0; the bench's own begin at 1000) is
 estimated, and each rival mode at the end is right or wrong, within 2 cm and 20 degrees. A conditional logit then says
@@ -35,6 +35,7 @@ FOLDS = 7
 PENALTY = 2e-4
 """Of the squared weights: a few modes that nothing tells apart must not drive them anywhere."""
 EDGES = (0.0, 0.3, 0.6, 0.8, 0.95, 1.0)
+"""Of the bins of what is stated."""
 
 
 def estimates(scenes: int) -> list[dict[str, object]]:
@@ -89,7 +90,7 @@ def chosen_right(rows: list[dict[str, object]], weights: Array) -> Array:
 def main() -> None:
     """Estimates, fits, prints and writes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=14, metavar="N", help="tuning scenes (default: 14)")
+    parser.add_argument("--scenes", type=int, default=28, metavar="N", help="tuning scenes (default: 28)")
     options = parser.parse_args()
     torch.set_num_threads(1)
     rows = estimates(options.scenes)

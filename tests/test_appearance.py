@@ -72,7 +72,11 @@ def test_an_object_is_made_ready_once(render: str) -> None:
     assert isinstance(appearances["sugar"], kind)
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="torch finds no CUDA device")
+@pytest.mark.skipif(
+    not torch.cuda.is_available(),
+    reason="compares a CUDA device's numbers with the CPU's, so it needs one; that nothing leaves the device of its "
+    "points is tested everywhere, in test_likelihood.py",
+)
 def test_cuda_gives_the_same_numbers_within_tolerance(mug: ViewedFromAllSides) -> None:
     camera = Camera(320, 240, 262.5, 262.5, 159.5, 119.5)
     depth = np.random.default_rng(0).uniform(0.8, 1.0, (240, 320)).astype(np.float32)
