@@ -104,7 +104,8 @@ def pose_probability(p_box: float, p_label: float, found: PoseEstimate) -> float
     That it is there is told by how much the pose explains; that it is so and not otherwise, by how much of the belief
     is near.
     """
-    return track_probability(p_box, p_label, found.likelihood) * dict(found.features)["right_pose"]
+    near_share = dict(found.features)["near_share"]
+    return track_probability(p_box, p_label, found.likelihood) * near_share
 
 
 def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: float) -> Estimate:

@@ -7,7 +7,8 @@ from sum_drake.assets import InputError
 FILTERS = ("default", "paper")
 """Names of the presets."""
 
-
+INGREDIENTS = ("close", "contradicted", "sides", "edges", "near_symmetries")
+"""What a filter of our own can be `without`."""
 _CHOICES = {"render": ("views", "each"), "start": ("surface", "uniform"), "score": ("difference", "inliers")}
 
 
@@ -62,6 +63,9 @@ class FilterConfig:
     """Weights are raised to the power at which their effective sample size is this share of the particles; 0: as is."""
     candidates: int = 16
     """Modes that are turned, registered and compared by exact renders at the end; 0: the best particle is taken."""
+    without: tuple[str, ...] = ()
+    """Of INGREDIENTS, what is left out to see what it is worth: a term of `likelihood.TERMS`, forgiveness at depth
+    edges, or the mesh's near symmetries among the rivals."""
     w_place: float = 0.8
     """w1 of eq. 10: probability that a pick and place did what it should. The paper leaves it open."""
     sigma_place: float = 0.04
@@ -78,6 +82,9 @@ class FilterConfig:
             if getattr(self, field) not in known:
                 expected = " or ".join(map(repr, known))
                 raise InputError(f"filter.{field}: {getattr(self, field)!r} is unknown; expected {expected}")
+        for name in self.without:
+            if name not in INGREDIENTS:
+                raise InputError(f"filter.without: {name!r} is unknown; expected some of {', '.join(INGREDIENTS)}")
         if self.render == "each" and (self.warmup > 0 or self.registered > 0 or self.candidates > 0):
             raise InputError("filter: registration needs the normals that render: views has; render: each has none")
         if self.score == "inliers" and self.candidates > 0:

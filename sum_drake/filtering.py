@@ -35,7 +35,7 @@ from sum_drake.likelihood import (
 )
 from sum_drake.modes import Modes, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world
-from sum_drake.posterior import nearest, sample_posterior
+from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
 from sum_drake.search import Sought, rivals, score, search, start
 from sum_drake.sensor import DepthNoiseConfig
@@ -59,7 +59,7 @@ class PoseEstimate(Immutable):
     """The rival poses that were compared at the end; X_WO alone where the filter compares none."""
     features: tuple[tuple[str, float], ...]
     """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (share of the
-    draws that the belief was made from), translation_std_m, rotation_std_rad, right_pose (share of the belief within 2
+    draws that the belief was made from), translation_std_m, rotation_std_rad, near_share (share of the belief within 2
     cm and 20 degrees of the estimate), mode_entropy_nats (of the modes' probabilities)."""
 
 
@@ -140,6 +140,8 @@ class PoseEstimator:
         if not np.isfinite(box).all():
             return _nothing_seen(frame, (0.0, 0.0, 0.0, 0.0), model, prior, rng, config.particles_last)
         tolerance = depth_tolerance(self._noise, frame.camera, _distance(frame, box)) if config.sensor else PERFECT
+        if "edges" in config.without:
+            tolerance = dataclasses.replace(tolerance, jump=np.inf, bleed=0)
         plane = support_plane(frame, box, rng, tolerance=tolerance.plane) if config.support else None
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
         if observation.n < max(tolerance.least_points, 1):
@@ -172,33 +174,31 @@ class PoseEstimator:
             modes, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
             looked_at = observation.to("cpu")
             effective = 1.0 / (float((weights**2).sum()) * len(weights))
-            shares, chosen = np.ones(1), 0
+            shares, chosen = torch.ones(1), 0
             counts = self._exact(looked_at, label, model, modes)
         else:
             modes = rivals(sought, particles, scores)
             looked_at = thinned(observation).to("cpu")
             counts = self._exact(looked_at, label, model, modes)
+            shares = torch.softmax(BELIEF * log_likelihood(counts, looked_at, sought.weights).double(), 0)
+            chosen = int(expected_hits(poses(modes, model.p_OM), shares.numpy(), symmetry).argmax())
             # Registration makes an optimiser of the filter, whose particles say nothing of how sure it is: the belief
             # is drawn anew.
             particles, effective = sample_posterior(
                 lambda drawn: BELIEF * score(sought, drawn, sought.epsilon(), soft=False),
                 modes,
-                BELIEF * log_likelihood(counts, looked_at),
+                shares,
                 config.particles_last,
                 sigma_p=config.noise_translation,
                 sigma_R=2 * config.noise_rotation,
                 rng=rng,
             )
             weights = torch.full((len(particles),), 1.0 / len(particles))
-            cell = nearest(particles, modes, config.noise_translation, 2 * config.noise_rotation)
-            shares = np.bincount(cell.numpy(), minlength=len(modes)) / len(particles)
-            # By the softer likelihood, which the belief's own would be too sure for.
-            soft = torch.softmax(log_likelihood(counts, looked_at), 0).double().numpy()
-            chosen = int(expected_hits(poses(modes, model.p_OM), soft, symmetry).argmax())
         of_modes = to_world(modes, frame, model.p_OM)
-        order = np.argsort(-shares, kind="stable")
+        p_modes = shares.double().numpy()
+        order = np.argsort(-p_modes, kind="stable")
         told = Modes(
-            readonly(of_modes[order]), readonly(shares[order]), readonly(terms(counts, looked_at)[order].numpy())
+            readonly(of_modes[order]), readonly(p_modes[order]), readonly(terms(counts, looked_at)[order].numpy())
         )
         counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
         value = (paper_likelihood if config.score == "inliers" else confidence)(counts, looked_at.n)
@@ -216,8 +216,8 @@ class PoseEstimator:
             "effective_sample_size": effective,
             "translation_std_m": float(shift),
             "rotation_std_rad": float(angle),
-            "right_pose": near_share(X_WO, X_WOs, p, symmetry),
-            "mode_entropy_nats": float(-(shares[shares > 0] * np.log(shares[shares > 0])).sum()),
+            "near_share": near_share(X_WO, X_WOs, p, symmetry),
+            "mode_entropy_nats": float(-(p_modes * np.log(np.maximum(p_modes, 1e-300))).sum()),
         }
         return PoseEstimate(
             PoseBelief(readonly(X_WOs), readonly(p)),
@@ -268,7 +268,7 @@ def _nothing_seen(
         *((name, 0.0) for name in names),
         ("translation_std_m", float(np.linalg.norm(spread))),
         ("rotation_std_rad", float(np.pi)),
-        ("right_pose", 0.0),
+        ("near_share", 0.0),
         ("mode_entropy_nats", 0.0),
     )
     modes = Modes(readonly(best[None]), readonly(np.ones(1)), readonly(np.zeros((1, len(TERMS)))))

@@ -8,6 +8,7 @@ resolution of the rendering.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -272,9 +273,8 @@ WEIGHTS = 7.6, 6.0, -15.0, -1.1
 over the rival modes of poured scenes, then rounded and chosen. Later fits have other weights, which choose no better
 on scenes left out (`benchmarks/mode_fit.py`)."""
 BELIEF = 4.0
-"""Power of the likelihood that beliefs are drawn by. Near a mode the weights, which tell modes apart, make too little
-of a pixel. Chosen on the scenes of `benchmarks/mode_fit.py`: what is said to be right nearly surely is, what is said to
-be right with .2 or .4 is so more often."""
+"""Power of the likelihood that beliefs follow: the weights, which were fitted to choose by, are too unsure. Chosen on
+poured scenes and judged on others (`benchmarks/mode_fit.py`)."""
 SIDE_ERROR, SIDE_CAP = 0.15, 4.0
 """Standard deviation of a side of a box, as a share of its size, and the most that one side can say."""
 
@@ -297,10 +297,10 @@ def terms(counts: Counts, observation: Observation) -> Tensor:
     return torch.stack([*of_n, off.clamp(max=SIDE_CAP).sum(-1)], -1)
 
 
-def log_likelihood(counts: Counts, observation: Observation) -> Tensor:
+def log_likelihood(counts: Counts, observation: Observation, weights: Sequence[float] = WEIGHTS) -> Tensor:
     """log p(z, b | q) up to a constant, (n,): the weighted sum of `terms`."""
     found = terms(counts, observation)
-    return found @ found.new_tensor(WEIGHTS)
+    return found @ found.new_tensor(weights)
 
 
 def confidence(counts: Counts, n: int) -> Tensor:

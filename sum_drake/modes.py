@@ -24,7 +24,7 @@ class Modes(Immutable):
     X_WOs: Array
     """(m, 4, 4), m >= 1."""
     probabilities: Array
-    """(m,), which sum to 1: share of the belief that is nearer to the mode than to the others."""
+    """(m,), which sum to 1: of the belief, what is nearer to the mode than to the others."""
     terms: Array
     """(m, 4): what their likelihood is made of, `likelihood.TERMS`."""
 

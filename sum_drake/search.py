@@ -19,6 +19,8 @@ from sum_drake.geometry import (
     transform,
 )
 from sum_drake.likelihood import (
+    TERMS,
+    WEIGHTS,
     Observation,
     count,
     log_likelihood,
@@ -38,6 +40,12 @@ class Sought(Immutable):
     observation: Observation
     model: Appearance
     config: FilterConfig
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Of the likelihood's terms."""
+        of = zip(TERMS, WEIGHTS, strict=True)
+        return tuple(0.0 if name in self.config.without else weight for name, weight in of)
 
     def epsilon(self, share: float = 1.0) -> float:
         """The inlier distance when a share of the iterations is over, metres."""
@@ -123,7 +131,8 @@ def score(sought: Sought, particles: Particles, epsilon: float, *, soft: bool = 
     observation, shown = sought.observation, sought.model.show(particles)
     if sought.config.score == "inliers":
         return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log().cpu()
-    return log_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft), observation).cpu()
+    counts = count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft)
+    return log_likelihood(counts, observation, sought.weights).cpu()
 
 
 def rivals(sought: Sought, particles: Particles, scores: Tensor) -> Particles:
@@ -134,7 +143,8 @@ def rivals(sought: Sought, particles: Particles, scores: Tensor) -> Particles:
     config = sought.config
     modes = distinct(particles, scores, config.candidates)
     few = modes[: config.candidates // 4]
-    turned = join(modes, _moved_in_itself(few, np.concatenate([sought.model.X_MNs, _NUDGES])))
+    X_MNs = np.zeros((0, 4, 4)) if "near_symmetries" in config.without else sought.model.X_MNs
+    turned = join(modes, _moved_in_itself(few, np.concatenate([X_MNs, _NUDGES])))
     # A turn about the middle of a mug moves its body by its handle's share: the first reach must cover that.
     for reach in (0.04, 0.03, 0.02, 0.015, 0.015):
         turned = _registered(sought, turned, reach)

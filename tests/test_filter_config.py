@@ -12,3 +12,5 @@ def test_unknown_preset_and_settings_are_refused() -> None:
             FilterConfig(**{field: "never"})
     with pytest.raises(InputError, match="normals"):
         FilterConfig(render="each")
+    with pytest.raises(InputError, match=r"filter\.without: 'luck' is unknown; expected some of close"):
+        FilterConfig(without=("luck",))

@@ -29,6 +29,10 @@ def test_shares_are_of_instances_in_their_own_boxes():
     assert found["default.within_2cm_20deg_stereo"] == 1 / 3
     assert found["default.adds_auc"] == pytest.approx((3 * 0.98 + 0) / 4)
     assert found["default.mean_probability_in_wrong_boxes"] == pytest.approx(0.2)
+    assert found["default.mean_probability"] == pytest.approx((4 * 0.9 + 0.2) / 5)
+    assert found["default.brier"] == pytest.approx((2 * 0.01 + 2 * 0.81 + 0.04) / 5)
+    assert found["default.brier_of_the_mean"] == pytest.approx(0.4 * 0.6)
+    assert found["default.calibration_error"] == pytest.approx((4 * 0.4 + 0.2) / 5)
     assert found["default.cpu_s_per_object"] == pytest.approx(0.8)
     assert aim(AIMS, "default.within_1cm_10deg", 0.25).endswith("missed")
     assert "at most 1: reached" in format_figures(found, AIMS)

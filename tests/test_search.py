@@ -10,7 +10,7 @@ from scenes import standing
 
 from sum_drake.appearance import Appearances
 from sum_drake.filter_config import filter_config
-from sum_drake.likelihood import observe
+from sum_drake.likelihood import TERMS, WEIGHTS, observe
 from sum_drake.objects import load_catalogue
 from sum_drake.particles import to_camera
 from sum_drake.search import Sought, rivals, score, search, start
@@ -70,3 +70,10 @@ def test_inlier_distances_fall(sought) -> None:
     assert distances[0] > distances[1] > distances[2] == here.epsilon()
     paper = dataclasses.replace(here, config=filter_config("paper"))
     assert paper.epsilon(0.0) == paper.epsilon() == pytest.approx(0.008)
+
+
+def test_what_a_filter_is_without_counts_nothing(sought) -> None:
+    here, _ = sought
+    for i, name in enumerate(TERMS[1:], 1):
+        less = dataclasses.replace(here, config=dataclasses.replace(here.config, without=(name,)))
+        assert less.weights == (*WEIGHTS[:i], 0.0, *WEIGHTS[i + 1 :])

@@ -26,7 +26,7 @@ from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScen
 from sum_drake.bench.results import write_results
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
-from sum_drake.filter_config import FilterConfig, filter_config
+from sum_drake.filter_config import INGREDIENTS, FilterConfig, filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
@@ -50,7 +50,8 @@ ABLATIONS: dict[str, dict[str, Any]] = {
     "no_rivals": {"candidates": 0},
     "no_support": {"support": False},
     "no_tempering": {"effective_share": 0.0},
-    "no_free_space": {"score": "inliers", "candidates": 0},
+    **{f"no_{name}": {"without": (name,)} for name in INGREDIENTS},
+    "inliers_alone": {"score": "inliers", "candidates": 0},
     "uniform_start": {"start": "uniform"},
     "fixed_epsilon": {"epsilon_first": FilterConfig.epsilon},
     "any_sensor": {"sensor": False, "epsilon_first": 0.010, "epsilon": 0.007},

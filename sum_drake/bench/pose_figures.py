@@ -8,6 +8,7 @@ import numpy as np
 from sum_drake.bench.aims import Aims
 from sum_drake.geometry import apply, pose_error, symmetry_group
 from sum_drake.objects import ObjectModel, sample_surface
+from sum_drake.reliability import Reliability, reliability
 from sum_drake.types import Array
 
 METHODS = ("paper", "default", "default_own_sensor", "default_no_registration", "fast", "fpfh", "fpfh_icp")
@@ -90,10 +91,26 @@ def figures(rows: Sequence[PoseRow]) -> dict[str, float]:
         found[f"{method}.median_rotation_deg"] = _median([row.rotation_deg for row in own])
         found[f"{method}.cpu_s_per_object"] = _mean([row.cpu_s for row in own])
         found[f"{method}.renders_per_object"] = _mean([row.renders for row in own])
-        wrong = [row.probability for row in rows if row.method == method and row.wrong_box]
-        if own and np.isfinite(own[0].probability):
-            found[f"{method}.mean_probability_in_wrong_boxes"] = _mean(wrong)
+        every = [row for row in rows if row.method == method]
+        if all(np.isfinite(row.probability) for row in every):
+            right = np.array([is_right(row) for row in every])
+            found[f"{method}.mean_probability"] = _mean([row.probability for row in every])
+            found[f"{method}.mean_probability_in_wrong_boxes"] = _mean([r.probability for r in every if r.wrong_box])
+            found[f"{method}.calibration_error"] = stated(every).error
+            found[f"{method}.brier"] = _mean([(row.probability - is_right(row)) ** 2 for row in every])
+            found[f"{method}.brier_of_the_mean"] = float(right.mean() * (1 - right.mean()))
     return found
+
+
+def is_right(row: PoseRow) -> bool:
+    """Whether the object is where the estimate says, within 2 cm and 20 degrees; another object's box does not help."""
+    metres, degrees = BOUNDS["2cm_20deg"]
+    return row.translation_m < metres and row.rotation_deg < degrees
+
+
+def stated(rows: Sequence[PoseRow]) -> Reliability:
+    """Of the probabilities of estimates, those in wrong boxes among them."""
+    return reliability([row.probability for row in rows], [is_right(row) for row in rows])
 
 
 def within(rows: Sequence[PoseRow], metres: float, degrees: float, *, raw: bool = False) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sum_drake import page
 from sum_drake.bench.aims import aim, reached
-from sum_drake.bench.pose_figures import AIMS, BOUNDS, PAPER_BOUNDS, PoseRow, curve, within
+from sum_drake.bench.pose_figures import AIMS, BOUNDS, PAPER_BOUNDS, PoseRow, curve, stated, within
 from sum_drake.bench.pose_scenes import PoseScene
 from sum_drake.drawing import draw_depth, draw_poses
 from sum_drake.objects import Catalogue
@@ -47,6 +47,14 @@ def report_page(rows: Sequence[PoseRow], found: Mapping[str, float], scene_of: S
         f'<div class="plots">{"".join(_paper_plots(rows, methods))}</div>',
         "<h2>By visible share, sensor and object</h2>",
         page.table(("", "instances", *methods), _breakdown(rows, methods)),
+        "<h2>How far the stated probability can be trusted</h2>",
+        "<p>That the object is there, and within 2 cm and 20 degrees of the estimate; in bins of equal mass, wrong "
+        "boxes among them.</p>",
+        f'<div class="plots">{_reliability_plot(rows, methods)}</div>',
+        page.table(
+            ("method", "stated on average", "in wrong boxes", "calibration error", "Brier score", "of the mean alone"),
+            [_trust_row(name, found) for name in methods if f"{name}.brier" in found],
+        ),
         "<h2>The default filter's worst estimates</h2>",
         '<p class="legend">Over the depth that was observed: green, the truth; red, the estimate; white, the box.</p>',
         _gallery([row for row in rows if row.method == "default" and not row.wrong_box], scene_of, catalogue),
@@ -70,6 +78,11 @@ def _method_row(name: str, found: Mapping[str, float]) -> list[str]:
     ]
 
 
+def _trust_row(name: str, found: Mapping[str, float]) -> list[str]:
+    told = ("mean_probability", "mean_probability_in_wrong_boxes", "calibration_error", "brier", "brier_of_the_mean")
+    return [page.text(name), *(_number(found[f"{name}.{one}"]) for one in told)]
+
+
 def _aim_row(name: str, value: float) -> tuple[str, str, str]:
     chip = page.chip(aim(AIMS, name, value), "good" if reached(AIMS, name, value) else "bad")
     return page.text(name), _number(value), chip
@@ -90,6 +103,25 @@ def _paper_plots(rows: Sequence[PoseRow], methods: Sequence[str]) -> list[str]:
         )
         for bound in PAPER_BOUNDS
     ]  # fmt: skip
+
+
+def _reliability_plot(rows: Sequence[PoseRow], methods: Sequence[str]) -> str:
+    share = (0.0, 1.0)
+    lines = [Series("", share, share, dashed=True)]
+    for name in methods:
+        of = [row for row in rows if row.method == name]
+        if all(np.isfinite(row.probability) for row in of):
+            found = stated(of)
+            lines.append(Series(name, found.stated, found.observed, dots=True))
+    return line_plot(
+        lines,
+        title="Stated and observed",
+        x_label="stated probability",
+        y_label="share that is right",
+        x_range=share,
+        y_range=share,
+        size=(525, 330),
+    )
 
 
 def _breakdown(rows: Sequence[PoseRow], methods: Sequence[str]) -> list[list[str]]:

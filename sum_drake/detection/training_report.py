@@ -10,10 +10,11 @@ import numpy as np
 
 from sum_drake.detection import metrics
 from sum_drake.detection.evaluation import figures
-from sum_drake.detection.reliability import Reliability, box_reliability, label_reliability
+from sum_drake.detection.reliability import box_reliability, label_reliability
 from sum_drake.detection.weights import Weights, save_weights
 from sum_drake.files import write_whole
 from sum_drake.plots import Series, line_plot, matrix_plot
+from sum_drake.reliability import Reliability
 
 LOSSES = ("objectness", "proposals", "classes", "corrections")
 
