@@ -158,6 +158,8 @@ def main() -> None:
         "fitted_choice_right_on_scenes_left_out": float(left_out.mean()),
         "weights": dict(zip(TERMS, WEIGHTS, strict=True)),
         "likeliest_mode_right": float(chosen_right(rows, np.array(WEIGHTS)).mean()),
+        "likeliest_mode_right_on_further_scenes": float(chosen_right(others, np.array(WEIGHTS)).mean()),
+        "fitted_choice_right_on_further_scenes": float(chosen_right(others, fit(rows)).mean()),
         "fitted_power": fit_power(rows),
         "power": BELIEF,
         "reliability": reliability(rows),

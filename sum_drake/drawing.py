@@ -108,8 +108,9 @@ class _Canvas:
         return np.asarray((uv + 0.5) * self._scale - 0.5)
 
     def box(self, box: tuple[float, float, float, float], color: Color) -> None:
-        x, y, w, h = (round(value * self._scale) for value in box)
-        cv2.rectangle(self.image, (x, y), (x + w - 1, y + h - 1), color, 1, cv2.LINE_AA)
+        x, y, w, h = (value * self._scale for value in box)
+        left, top, right, bottom = (round(float(np.clip(v, -1e4, 1e4))) for v in (x, y, x + w - 1, y + h - 1))
+        cv2.rectangle(self.image, (left, top), (right, bottom), color, 1, cv2.LINE_AA)
 
     def outline(self, p_C: Array, faces: NDArray[np.int64], color: Color, *, strong: bool) -> None:
         """The silhouette of a mesh, filled when strong."""

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sum_drake.assets import InputError
 from sum_drake.belief import Estimator
+from sum_drake.boxes import distance, measured
 from sum_drake.drawing import Image, draw_perception
 from sum_drake.existence import track_probability
 from sum_drake.filtering import PoseEstimate, PoseRequest
@@ -28,6 +30,8 @@ from sum_drake.types import (
 
 LEAST_MODE = 0.02
 """Probability of a mode that is told."""
+SMALLEST, LARGEST = 0.12, 4.0
+"""Diagonal of a box at the depth in it, as a share of its object's: what is less or more is of another unit."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,6 +59,10 @@ class Estimate(Immutable):
     """Likelihood of the pose, in [0, 1]."""
     translation_std_m: float
     rotation_std_rad: float
+    effective_sample_size: float
+    """Share of the draws that the belief was made from, in [0, 1]."""
+    mode_entropy_nats: float
+    """Of the modes' probabilities."""
     modes: tuple[Mode, ...]
     """The rival poses, likeliest first; none where nothing could be estimated."""
     message: str
@@ -72,10 +80,12 @@ def estimate_frame(
 ) -> list[Estimate]:
     """One estimate a box, in their order. A box that nothing can be said of has probability 0 and says why.
 
-    Several boxes may hold objects of one label. threshold: least probability of what is accepted.
+    Several boxes may hold objects of one label. threshold: least probability of what is accepted. Raises InputError
+    where all that was measured is of another scale than the meshes.
     """
     problems = [_problem(frame, one, catalogue) for one in boxes]
     asked = [i for i, problem in enumerate(problems) if not problem]
+    _check_scale(frame, [boxes[i] for i in asked], catalogue)
     requests = [PoseRequest(boxes[i].label, boxes[i].box, np.random.default_rng([seed, i])) for i in asked]
     found = dict(zip(asked, estimator.estimate_all(frame, requests), strict=True))
     return [
@@ -93,9 +103,22 @@ def _problem(frame: Frame, one: LabelledBox, catalogue: Catalogue) -> str:
         return "the box is empty"
     if x >= frame.camera.width or y >= frame.camera.height or x + w <= 0 or y + h <= 0:
         return f"the box lies outside the picture of {frame.camera.width} x {frame.camera.height} pixels"
-    left, top = max(int(np.ceil(x)), 0), max(int(np.ceil(y)), 0)
-    depth = frame.depth[top : max(int(np.ceil(y + h)), 0), left : max(int(np.ceil(x + w)), 0)]
-    return "" if np.any(np.isfinite(depth) & (depth > 0)) else "no depth was measured in the box"
+    return "" if len(measured(frame, one.box)) else "no depth was measured in the box"
+
+
+def _check_scale(frame: Frame, boxes: Sequence[LabelledBox], catalogue: Catalogue) -> None:
+    """Raises InputError where no box, at the depth in it, could hold its object whatever way it is turned or hidden."""
+    ratios = []
+    for one in boxes:
+        _, _, w, h = one.box
+        across = np.hypot(w / frame.camera.fx, h / frame.camera.fy) * distance(frame, one.box)
+        ratios.append(across / np.linalg.norm(catalogue[one.label].dimensions))
+    if ratios and (max(ratios) < SMALLEST or min(ratios) > LARGEST):
+        raise InputError(
+            f"at the depth measured in them, the boxes are {min(ratios):.2g} to {max(ratios):.2g} times the size of "
+            "their objects; expected depth in metres (camera.json's depth_scale), a camera's true fx and fy, and "
+            "meshes in metres"
+        )
 
 
 def pose_probability(p_box: float, p_label: float, found: PoseEstimate) -> float:
@@ -123,6 +146,8 @@ def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: fl
         found.likelihood,
         features["translation_std_m"],
         features["rotation_std_rad"],
+        features["effective_sample_size"],
+        features["mode_entropy_nats"],
         tuple(
             Mode(readonly(inverse(frame.X_WC) @ X_WO), float(p))
             for X_WO, p in zip(found.modes.X_WOs[likely], found.modes.probabilities[likely], strict=True)
@@ -134,7 +159,7 @@ def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: fl
 def _nothing(frame: Frame, one: LabelledBox, problem: str) -> Estimate:
     """The object stands somewhere on the ray through the box's middle, turned anyhow."""
     X_CO = transform(np.eye(3), _middle(one.box, frame.camera))
-    return Estimate(one.label, one.box, readonly(X_CO), 0.0, False, 0.0, 1.0, float(np.pi), (), problem)
+    return Estimate(one.label, one.box, readonly(X_CO), 0.0, False, 0.0, 1.0, float(np.pi), 0.0, 0.0, (), problem)
 
 
 def _middle(box: Box, camera: Camera) -> Array:

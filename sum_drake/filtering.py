@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from sum_drake.appearance import Appearance, Appearances
+from sum_drake.boxes import distance
 from sum_drake.depth_tolerance import PERFECT, depth_tolerance
 from sum_drake.filter_config import FilterConfig
 from sum_drake.geometry import (
@@ -79,8 +80,8 @@ class PoseEstimator:
     """Estimates poses of a catalogue's objects, one box and label at a time; keeps what it rendered of each label.
 
     noise: of the depth sensor, which inlier distances follow from. device: torch's, where points are compared; all is
-    drawn and rendered on the CPU. appearances: shared with other estimators of the same catalogue, and theirs is the
-    device; default: its own. Use it from the thread that made it: VTK renders wrongly elsewhere, which raises
+    drawn and rendered on the CPU. appearances, renderer: shared with other estimators of the same catalogue, and theirs
+    is the device; default: its own. Use it from the thread that made it: VTK renders wrongly elsewhere, which raises
     RuntimeError here.
     """
 
@@ -92,12 +93,13 @@ class PoseEstimator:
         noise: DepthNoiseConfig | None = None,
         device: str = "cpu",
         appearances: Appearances | None = None,
+        renderer: DepthRenderer | None = None,
     ) -> None:
         self._catalogue = catalogue
         self._config = config
         self._noise = DepthNoiseConfig() if noise is None else noise
         self._appearances = appearances or Appearances(catalogue, config.render, device=device)
-        self._renderer = DepthRenderer(catalogue)
+        self._renderer = renderer or DepthRenderer(catalogue)
 
     @property
     def renders(self) -> int:
@@ -139,14 +141,17 @@ class PoseEstimator:
         config = self._config
         if not np.isfinite(box).all():
             return _nothing_seen(frame, (0.0, 0.0, 0.0, 0.0), model, prior, rng, config.particles_last)
-        tolerance = depth_tolerance(self._noise, frame.camera, _distance(frame, box)) if config.sensor else PERFECT
+        z = distance(frame, box)
+        if np.isnan(z):
+            return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
+        tolerance = depth_tolerance(self._noise, frame.camera, z) if config.sensor else PERFECT
         if "edges" in config.without:
             tolerance = dataclasses.replace(tolerance, jump=np.inf, bleed=0)
         plane = support_plane(frame, box, rng, tolerance=tolerance.plane) if config.support else None
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
         if observation.n < max(tolerance.least_points, 1):
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
-        sought = Sought(observation, model, config)
+        sought = Sought(observation, model, self._catalogue[label].symmetry, config)
         if prior is None:
             particles, scores = search(sought, start(sought, config.particles, rng), config.iterations, 0.0, rng)
         else:
@@ -155,77 +160,42 @@ class PoseEstimator:
             particles = join(held[len(fresh) :], fresh)
             # Tracking starts half-way down the schedule of noise: the prior is near, or else of no use.
             particles, scores = search(sought, particles, config.tracking_iterations, 0.5, rng)
-        return self._conclude(frame, sought, label, particles, scores, rng)
-
-    def _conclude(
-        self,
-        frame: Frame,
-        sought: Sought,
-        label: str,
-        particles: Particles,
-        scores: Tensor,
-        rng: np.random.Generator,
-    ) -> PoseEstimate:
-        """The estimate, and the belief about it, of what a search ended with."""
-        observation, model, config = sought.observation, sought.model, sought.config
-        symmetry = self._catalogue[label].symmetry
         if config.candidates == 0:
-            # As published: the weighted particles are the belief, the most likely one the estimate.
-            modes, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
-            looked_at = observation.to("cpu")
-            effective = 1.0 / (float((weights**2).sum()) * len(weights))
-            shares, chosen = torch.ones(1), 0
-            counts = self._exact(looked_at, label, model, modes)
-        else:
-            modes = rivals(sought, particles, scores)
-            looked_at = thinned(observation).to("cpu")
-            counts = self._exact(looked_at, label, model, modes)
-            shares = torch.softmax(BELIEF * log_likelihood(counts, looked_at, sought.weights).double(), 0)
-            chosen = int(expected_hits(poses(modes, model.p_OM), shares.numpy(), symmetry).argmax())
-            # Registration makes an optimiser of the filter, whose particles say nothing of how sure it is: the belief
-            # is drawn anew.
-            particles, effective = sample_posterior(
-                lambda drawn: BELIEF * score(sought, drawn, sought.epsilon(), soft=False),
-                modes,
-                shares,
-                config.particles_last,
-                sigma_p=config.noise_translation,
-                sigma_R=2 * config.noise_rotation,
-                rng=rng,
-            )
-            weights = torch.full((len(particles),), 1.0 / len(particles))
-        of_modes = to_world(modes, frame, model.p_OM)
-        p_modes = shares.double().numpy()
-        order = np.argsort(-p_modes, kind="stable")
-        told = Modes(
-            readonly(of_modes[order]), readonly(p_modes[order]), readonly(terms(counts, looked_at)[order].numpy())
+            return _told(frame, sought, self._as_published(sought, label, particles, scores))
+        return _told(frame, sought, self._among_rivals(sought, label, particles, scores, rng))
+
+    def _as_published(self, sought: Sought, label: str, particles: Particles, scores: Tensor) -> "_Outcome":
+        """The weighted particles are the belief, the most likely one is the estimate."""
+        best, weights = particles[scores.argmax()[None]], tempered(scores, 0.0)
+        effective = 1.0 / (float((weights**2).sum()) * len(weights))
+        looked_at = sought.observation.to("cpu")
+        counts = self._exact(looked_at, label, sought.model, best)
+        return _Outcome(particles, weights, effective, best, torch.ones(1), 0, counts, looked_at)
+
+    def _among_rivals(
+        self, sought: Sought, label: str, particles: Particles, scores: Tensor, rng: np.random.Generator
+    ) -> "_Outcome":
+        """Rivals are compared by exact renders, and the belief is drawn anew about them.
+
+        Registration makes an optimiser of the filter, whose particles say nothing of how sure it is.
+        """
+        config = sought.config
+        modes = rivals(sought, particles, scores)
+        looked_at = thinned(sought.observation).to("cpu")
+        counts = self._exact(looked_at, label, sought.model, modes)
+        shares = torch.softmax(BELIEF * log_likelihood(counts, looked_at, sought.weights).double(), 0)
+        chosen = int(expected_hits(poses(modes, sought.model.p_OM), shares.numpy(), sought.symmetry).argmax())
+        particles, effective = sample_posterior(
+            lambda drawn: BELIEF * score(sought, drawn, sought.epsilon(), soft=False),
+            modes,
+            shares,
+            config.particles_last,
+            sigma_p=config.noise_translation,
+            sigma_R=2 * config.noise_rotation,
+            rng=rng,
         )
-        counts = Counts(*(getattr(counts, f.name)[chosen : chosen + 1] for f in dataclasses.fields(counts)))
-        value = (paper_likelihood if config.score == "inliers" else confidence)(counts, looked_at.n)
-        X_WOs, X_WO = to_world(particles, frame, model.p_OM), of_modes[chosen]
-        p = weights.double().numpy()
-        p = p / p.sum()
-        shift = np.sqrt(p @ ((X_WOs[:, :3, 3] - X_WO[:3, 3]) ** 2).sum(-1))
-        angle = np.sqrt(p @ rotation_error(X_WOs[:, :3, :3], X_WO[:3, :3], symmetry) ** 2)
-        features = {
-            "inliers": float(counts.inliers[0]),
-            "free_space": float(counts.free_space[0]),
-            "occluded": float(counts.occluded[0]),
-            "rendered": float(counts.rendered[0]),
-            "observed": float(looked_at.n),
-            "effective_sample_size": effective,
-            "translation_std_m": float(shift),
-            "rotation_std_rad": float(angle),
-            "near_share": near_share(X_WO, X_WOs, p, symmetry),
-            "mode_entropy_nats": float(-(p_modes * np.log(np.maximum(p_modes, 1e-300))).sum()),
-        }
-        return PoseEstimate(
-            PoseBelief(readonly(X_WOs), readonly(p)),
-            readonly(X_WO),
-            float(np.clip(float(value[0]), 0.0, 1.0)),
-            told,
-            tuple(features.items()),
-        )
+        weights = torch.full((len(particles),), 1.0 / len(particles))
+        return _Outcome(particles, weights, effective, modes, shares, chosen, counts, looked_at)
 
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
@@ -237,15 +207,58 @@ class PoseEstimator:
         return Counts(*(torch.cat([getattr(row, f.name) for row in rows]) for f in dataclasses.fields(Counts)))
 
 
-def _distance(frame: Frame, box: Box) -> float:
-    """Lower quartile of the depth in a box, metres, since what is looked for has its background behind it; 1 where
-    nothing was measured."""
-    x, y, w, h = box
-    top, bottom = (int(np.clip(np.ceil(v), 0, frame.camera.height)) for v in (y, y + h))
-    left, right = (int(np.clip(np.ceil(u), 0, frame.camera.width)) for u in (x, x + w))
-    depth = frame.depth[top:bottom, left:right]
-    seen = depth[np.isfinite(depth) & (depth > 0)]
-    return float(np.quantile(seen, 0.25)) if len(seen) else 1.0
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Outcome:
+    """What a search came to."""
+
+    particles: Particles
+    weights: Tensor
+    """(n,), of the particles."""
+    effective: float
+    modes: Particles
+    """(m,)."""
+    shares: Tensor
+    """(m,): probabilities of the modes."""
+    chosen: int
+    """The mode that is the estimate."""
+    counts: Counts
+    """Of the modes."""
+    looked_at: Observation
+    """What the counts are of."""
+
+
+def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
+    """The same in the world frame, and what it says of itself."""
+    counts, n, symmetry, p_OM = found.counts, found.looked_at.n, sought.symmetry, sought.model.p_OM
+    of_modes, p_modes = to_world(found.modes, frame, p_OM), found.shares.double().numpy()
+    order = np.argsort(-p_modes, kind="stable")
+    of_terms = terms(counts, found.looked_at)[order].numpy()
+    counts = Counts(*(getattr(counts, f.name)[found.chosen : found.chosen + 1] for f in dataclasses.fields(counts)))
+    value = (paper_likelihood if sought.config.score == "inliers" else confidence)(counts, n)
+    X_WOs, X_WO = to_world(found.particles, frame, p_OM), of_modes[found.chosen]
+    p = found.weights.double().numpy()
+    p = p / p.sum()
+    shift = np.sqrt(p @ ((X_WOs[:, :3, 3] - X_WO[:3, 3]) ** 2).sum(-1))
+    angle = np.sqrt(p @ rotation_error(X_WOs[:, :3, :3], X_WO[:3, :3], symmetry) ** 2)
+    features = {
+        "inliers": float(counts.inliers[0]),
+        "free_space": float(counts.free_space[0]),
+        "occluded": float(counts.occluded[0]),
+        "rendered": float(counts.rendered[0]),
+        "observed": float(n),
+        "effective_sample_size": found.effective,
+        "translation_std_m": float(shift),
+        "rotation_std_rad": float(angle),
+        "near_share": near_share(X_WO, X_WOs, p, symmetry),
+        "mode_entropy_nats": float(-(p_modes * np.log(np.maximum(p_modes, 1e-300))).sum()),
+    }
+    return PoseEstimate(
+        PoseBelief(readonly(X_WOs), readonly(p)),
+        readonly(X_WO),
+        float(np.clip(float(value[0]), 0.0, 1.0)),
+        Modes(readonly(of_modes[order]), readonly(p_modes[order]), readonly(of_terms)),
+        tuple(features.items()),
+    )
 
 
 def _nothing_seen(

@@ -17,9 +17,14 @@ from numpy.typing import NDArray
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.detection.picture import read_depth, read_picture
+from sum_drake.geometry import transform
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.types import Array, Box, Camera, Frame, Immutable, readonly
 
+LARGEST = 1e6
+"""No number of a frame is larger: pixels, or pixels a unit."""
+FAR_OUT = 4.0
+"""Sizes of the picture that its principal point is from its corner at most."""
 NEAREST, FARTHEST = 0.05, 20.0
 """Metres: what the middle of a depth picture's values lies between, if they are in the unit that is said."""
 
@@ -88,7 +93,7 @@ def _object(data: Any, path: Path) -> Mapping[str, Any]:
 
 def _number(data: Mapping[str, Any], key: str, path: Path, over: float | None = None) -> float:
     value: Any = data.get(key)
-    expected = "a finite number" if over is None else f"a finite number over {over:g}"
+    expected = f"a finite number{'' if over is None else f' over {over:g}'}, at most {LARGEST:g}"
     if not _is_finite(value) or (over is not None and value <= over):
         said = f"is {value!r}" if key in data else "is missing"
         raise InputError(f"{path}: {key} {said}; expected {expected}")
@@ -96,13 +101,16 @@ def _number(data: Mapping[str, Any], key: str, path: Path, over: float | None = 
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
+    return isinstance(value, int | float) and not isinstance(value, bool) and bool(-LARGEST <= value <= LARGEST)
 
 
 def _camera(about: Mapping[str, Any], path: Path) -> Camera:
     width, height = (_number(about, key, path, 0) for key in ("width", "height"))
     fx, fy = (_number(about, key, path, 0.0) for key in ("fx", "fy"))
-    return Camera(round(width), round(height), fx, fy, _number(about, "cx", path), _number(about, "cy", path))
+    cx, cy = _number(about, "cx", path), _number(about, "cy", path)
+    if abs(cx) > FAR_OUT * width or abs(cy) > FAR_OUT * height:
+        raise InputError(f"{path}: cx, cy are {cx:g}, {cy:g}; expected pixels, in or near {width:g} x {height:g}")
+    return Camera(round(width), round(height), fx, fy, cx, cy)
 
 
 def _pose(value: Any, path: Path) -> Array:
@@ -113,7 +121,9 @@ def _pose(value: Any, path: Path) -> Array:
     rigid = X.shape == (4, 4) and np.isfinite(X).all() and np.allclose(X[3], [0, 0, 0, 1])
     if not rigid or not np.allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-3) or np.linalg.det(X[:3, :3]) < 0:
         raise InputError(f"{path}: X_WC is no rigid motion; expected 4 x 4 numbers, metres")
-    return X
+    # A rotation written with few digits is not quite one.
+    u, _, vt = np.linalg.svd(X[:3, :3])
+    return transform(u @ vt, X[:3, 3])
 
 
 def _noise(value: Any, path: Path) -> DepthNoiseConfig:

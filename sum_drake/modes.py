@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sum_drake.geometry import Symmetry, pose_error
+from sum_drake.geometry import Symmetry, pose_error, rotation_error
 from sum_drake.particles import Particles
 from sum_drake.types import Array, Immutable
 
@@ -29,18 +29,21 @@ class Modes(Immutable):
     """(m, 4): what their likelihood is made of, `likelihood.TERMS`."""
 
 
-def distinct(particles: Particles, scores: Tensor, limit: int) -> Particles:
-    """The best particles that differ by over 1 cm or 10 degrees from each better one, at most `limit`."""
+def distinct(particles: Particles, scores: Tensor, limit: int, symmetry: Symmetry) -> Particles:
+    """The best particles that differ by over 1 cm or 10 degrees from each better one, at most `limit`.
+
+    What symmetry makes equal does not differ.
+    """
     order = scores.argsort(descending=True, stable=True)[:400]
     left = particles[order]
+    R_COs = left.R_COs.double().numpy()
     chosen: list[int] = []
     free = np.ones(len(order), dtype=bool)
     while len(chosen) < limit and free.any():
         i = int(free.argmax())
         chosen.append(i)
-        near = (left.p_CMs - left.p_CMs[i]).norm(dim=-1) < 0.01
-        aligned = (torch.einsum("nij,ij->n", left.R_COs, left.R_COs[i]) - 1) / 2 > np.cos(np.deg2rad(10))
-        free &= ~(near & aligned).numpy()
+        near = ((left.p_CMs - left.p_CMs[i]).norm(dim=-1) < 0.01).numpy()
+        free &= ~(near & (rotation_error(R_COs, R_COs[i], symmetry) < np.deg2rad(10)))
         free[i] = False
     return left[torch.tensor(chosen)]
 

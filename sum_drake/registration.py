@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sum_drake.assets import InputError
+from sum_drake.boxes import distance, pixels_in
+from sum_drake.depth_tolerance import depth_tolerance
 from sum_drake.geometry import transform
+from sum_drake.likelihood import LEAST_LEFT
 from sum_drake.objects import Catalogue, sample_surface
-from sum_drake.sensor import back_project
+from sum_drake.sensor import DepthNoiseConfig, back_project
+from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame
 
 if TYPE_CHECKING:
@@ -20,13 +24,13 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass
 class FpfhConfig:
-    """Parameters of the baseline, metres. Tuned on scenes that `bench pose` does not show."""
+    """Parameters of the baseline, metres, tuned on the filter's own tuning scenes (`benchmarks/fpfh_fit.py`)."""
 
-    voxel: float = 0.005
+    voxel: float = 0.007
     """Size of the cells to which both clouds are thinned out."""
     normal_radius: float = 0.012
     """Of the neighbourhood that a normal is fitted to."""
-    feature_radius: float = 0.03
+    feature_radius: float = 0.045
     """Of the neighbourhood that a feature describes."""
     inlier: float = 0.0075
     """Distance of a match that counts, in RANSAC and ICP."""
@@ -34,6 +38,8 @@ class FpfhConfig:
     """Of RANSAC at most."""
     confidence: float = 0.999
     """RANSAC stops when it is so sure."""
+    support: bool = True
+    """Whether points of the plane that the object stands on are left out, as by the filter."""
     refine: bool = True
     """Whether point-to-plane ICP follows."""
 
@@ -56,7 +62,7 @@ class FpfhEstimator:
         o3d = _open3d()
         self.warm(label)
         model, model_features = self._models[label]
-        points = _points(frame, box)
+        points = _points(frame, box, np.random.default_rng(seed) if self._config.support else None)
         if len(points) < 10:
             return None
         seen, features = self._describe(points, None)
@@ -106,13 +112,18 @@ class FpfhEstimator:
         return cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, search)
 
 
-def _points(frame: Frame, box: Box) -> Array:
-    """p_CQ (n, 3) of what was measured in a box."""
-    x, y, w, h = box
-    left, top = max(int(np.ceil(x)), 0), max(int(np.ceil(y)), 0)
-    rows, columns = slice(top, max(int(np.ceil(y + h)), 0)), slice(left, max(int(np.ceil(x + w)), 0))
-    inside = back_project(frame.depth, frame.camera)[rows, columns].reshape(-1, 3)
-    return inside[inside[:, 2] > 0]
+def _points(frame: Frame, box: Box, rng: np.random.Generator | None) -> Array:
+    """p_CQ (n, 3) of what was measured in a box; given an rng to find it with, without the plane that it stands on."""
+    inside = back_project(frame.depth, frame.camera)[pixels_in(box, frame.camera)].reshape(-1, 3)
+    inside = inside[inside[:, 2] > 0]
+    if rng is None or not len(inside):
+        return inside
+    tolerance = depth_tolerance(DepthNoiseConfig(), frame.camera, distance(frame, box)).plane
+    plane = support_plane(frame, box, rng, tolerance=tolerance)
+    if plane is None:
+        return inside
+    above = np.abs(plane.height(inside)) >= tolerance
+    return inside[above] if above.mean() > LEAST_LEFT else inside
 
 
 def _open3d() -> Any:

@@ -289,8 +289,14 @@ def see_surface(
     shown = np.zeros((views, points, 3))
     for view in range(views):
         pixels = p_MQs[view][seen[view]]
+        if not len(pixels):
+            continue
         evenly = ((np.arange(points) + 0.5) / points * len(pixels)).astype(int)
         shown[view] = pixels[evenly] @ R_VOs[view]
+    # Something thin, seen along its side, may fall between pixels: its points are a neighbour's then, with no area.
+    something = seen.any(axis=(1, 2))
+    along = np.where(something, directions @ directions.T, -np.inf)
+    shown = shown[np.where(something, np.arange(views), along.argmax(axis=1))]
     distance, near = tree.query(shown, k=5)  # (views, points, 5)
     facing = -np.einsum("vpki,vi->vpk", n_Ss[near], directions)
     # The other side of a thin wall is as near as the one that is seen, but faces away.

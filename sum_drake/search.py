@@ -13,6 +13,7 @@ from torch import Tensor
 from sum_drake.appearance import Appearance
 from sum_drake.filter_config import FilterConfig
 from sum_drake.geometry import (
+    Symmetry,
     rotation_from_quaternion,
     rotation_from_vector,
     super_fibonacci,
@@ -39,6 +40,8 @@ class Sought(Immutable):
 
     observation: Observation
     model: Appearance
+    symmetry: Symmetry
+    """As the catalogue tells it."""
     config: FilterConfig
 
     @property
@@ -141,7 +144,10 @@ def rivals(sought: Sought, particles: Particles, scores: Tensor) -> Particles:
     The moves are those after which the object looks nearly the same, and small turns.
     """
     config = sought.config
-    modes = distinct(particles, scores, config.candidates)
+    # Turns about an axis of revolution would fill every place. Half turns of a box fill a few, and may: each is
+    # registered in a way of its own, of which the best counts.
+    symmetry = dataclasses.replace(sought.symmetry, rotations=sought.symmetry.rotations[:1])
+    modes = distinct(particles, scores, config.candidates, symmetry)
     few = modes[: config.candidates // 4]
     X_MNs = np.zeros((0, 4, 4)) if "near_symmetries" in config.without else sought.model.X_MNs
     turned = join(modes, _moved_in_itself(few, np.concatenate([X_MNs, _NUDGES])))
@@ -150,13 +156,13 @@ def rivals(sought: Sought, particles: Particles, scores: Tensor) -> Particles:
         turned = _registered(sought, turned, reach)
     candidates = join(modes, turned)
     epsilon = sought.epsilon()
-    found = distinct(candidates, score(sought, candidates, epsilon), config.candidates)
+    found = distinct(candidates, score(sought, candidates, epsilon), config.candidates, symmetry)
     # Rivals are compared at their best: one that is placed less well would lose for that alone.
     tried = found
     for _ in range(4):
         tried = _registered(sought, tried, 2 * epsilon)
     both = join(found, tried)
-    return distinct(both, score(sought, both, epsilon), config.candidates)
+    return distinct(both, score(sought, both, epsilon), config.candidates, symmetry)
 
 
 def _about_axes(*angles: float) -> Tensor:

@@ -71,6 +71,13 @@ def test_rows_of_other_settings_and_unknown_methods_are_refused(out, catalogue, 
     assert not (tmp_path / "new").exists()
 
 
+def test_rows_outlast_a_call_that_is_refused(out, catalogue, tmp_path):
+    (tmp_path / "rows.jsonl").write_text((out / "rows.jsonl").read_text())
+    with pytest.raises(InputError, match="luck"):
+        bench_pose(tmp_path, catalogue, **RUN | {"methods": ("luck",)}, anew=True)
+    assert (tmp_path / "rows.jsonl").read_text() == (out / "rows.jsonl").read_text()
+
+
 def test_ablations_leave_something_out_each():
     default = filter_config()
     configs = [filter_configs()[name] for name in ABLATIONS]

@@ -317,6 +317,8 @@ def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
         "score",
         "translation_std_m",
         "rotation_std_rad",
+        "effective_sample_size",
+        "mode_entropy_nats",
         "modes",
         "message",
     }
@@ -325,6 +327,12 @@ def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
     assert found["timing"].keys() == {"start_s", "cpu_s", "wall_s"}
     assert cv2.imread(str(out / "overlay.png")) is not None
     assert "--force" in refused(capsys, *estimate)
+    for boxes_of_nothing in ([], rows[1:], [rows[0] | {"box": [9e5, 0, 10, 10]}]):
+        (folder / "detections.json").write_text(json.dumps(boxes_of_nothing))
+        assert main([*estimate[:-1], "--force"]) == 0
+        found = json.loads((out / "estimates.json").read_text())["estimates"]
+        assert [one["probability"] for one in found] == [0.0] * len(boxes_of_nothing)
+    capsys.readouterr()
     assert "--device abacus" in refused(capsys, *estimate, "--force", "--device", "abacus")
     (folder / "detections.json").unlink()
     own = tmp_path / "own.yaml"

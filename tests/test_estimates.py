@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scenes import X_WC, observe, standing
 
+from sum_drake.assets import InputError
 from sum_drake.estimates import draw_estimates, estimate_frame, estimates_table
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
@@ -52,6 +53,15 @@ def test_objects_are_where_they_are_in_the_cameras_frame(estimates, seen):
         assert one.accepted
         assert one.message == ""
         assert 0 < one.translation_std_m < 0.02
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_depth_of_another_unit_is_refused(catalogue, seen, scale):
+    frame, boxes, _ = seen
+    frame = dataclasses.replace(frame, depth=readonly(scale * frame.depth, np.float32))
+    asked = [LabelledBox(label, box, 0.9) for label, box in boxes.items()]
+    with pytest.raises(InputError, match="times the size of their objects; expected depth in metres"):
+        estimate_frame(frame, asked, catalogue, PoseEstimator(catalogue, FAST), seed=0)
 
 
 def test_boxes_of_nothing_say_why_and_are_not_believed(estimates):

@@ -6,6 +6,7 @@ import pytest
 
 from sum_drake.assets import InputError
 from sum_drake.frame_folder import LabelledBox, read_frame
+from sum_drake.geometry import rotation_from_vector, transform
 
 CAMERA = {"fx": 500.0, "fy": 501.0, "cx": 160.0, "cy": 100, "width": 320, "height": 200, "depth_scale": 0.001}
 BOX = {"label": "mug", "box": [10, 20, 30.5, 40], "score": 0.8}
@@ -38,10 +39,19 @@ def test_pose_noise_and_missing_boxes(folder):
     X_WC = [[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, 0.3], [0, 0, 0, 1]]
     (folder / "camera.json").write_text(json.dumps(CAMERA | {"X_WC": X_WC, "noise": {"axial_constant": 0.003}}))
     found = read_frame(folder)
-    np.testing.assert_array_equal(found.frame.X_WC, X_WC)
+    np.testing.assert_allclose(found.frame.X_WC, X_WC, atol=1e-12)
     assert found.noise is not None
     assert found.noise.axial_constant == 0.003
     assert found.boxes is None
+
+
+def test_a_rotation_of_few_digits_becomes_one(folder):
+    R = np.round(rotation_from_vector(np.array([0.3, -0.2, 1.0])), 4)
+    assert np.abs(R @ R.T - np.eye(3)).max() > 1e-5
+    (folder / "camera.json").write_text(json.dumps(CAMERA | {"X_WC": transform(R, np.ones(3)).tolist()}))
+    found = read_frame(folder).frame.X_WC[:3, :3]
+    np.testing.assert_allclose(found @ found.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(found, R, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -50,6 +60,9 @@ def test_pose_noise_and_missing_boxes(folder):
         ({"fx": 0}, "fx is 0; expected a finite number over 0"),
         ({"fy": float("nan")}, "fy is nan"),
         ({"cx": None}, "cx is None; expected a finite number"),
+        ({"cy": 10**400}, "cy is 1000.*; expected a finite number"),
+        ({"cx": 1e7}, r"cx is 10000000.0; expected a finite number, at most 1e\+06"),
+        ({"cx": 1e5}, "cx, cy are 100000, 100; expected pixels, in or near 320 x 200"),
         ({"width": "wide"}, "width is 'wide'"),
         ({"height": 100}, "expected camera.json's 320 x 100"),
         ({"depth_scale": -1}, "depth_scale is -1"),

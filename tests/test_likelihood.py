@@ -258,6 +258,14 @@ def test_thinned_observations_weigh_poses_alike() -> None:
     assert thinned(nothing).n == 0
 
 
+def test_depth_on_a_grid_of_its_own_is_not_thinned_away() -> None:
+    """As of a coarse depth camera, warped into a fine colour camera's picture."""
+    depth = plane()
+    depth[1::2] = depth[:, 1::2] = 0
+    observation = observe(frame_of(np.roll(depth, (1, 1), (0, 1))), WHOLE)
+    assert thinned(observation, pixels=depth.size // 4).n == observation.n
+
+
 R_CO = view_rotations(np.array([[1.0, 1.0, 1.0]]))[0].T
 """A box turned to show the camera a corner."""
 

@@ -51,10 +51,17 @@ def test_what_is_impossible_weighs_nothing():
     np.testing.assert_allclose(tempered(torch.full((4,), -torch.inf), 0.15), 0.25)
 
 
+def test_what_symmetry_makes_equal_is_one_mode():
+    R_COs = torch.from_numpy(turned(0, 45, 180, 90)[:, :3, :3]).float()
+    particles, scores = Particles(R_COs, torch.zeros(4, 3)), torch.tensor([4.0, 3.0, 2.0, 1.0])
+    for name, modes in (("none", 4), ("twofold_z", 3), ("fourfold_z", 2), ("revolution", 1)):
+        assert len(distinct(particles, scores, 9, symmetry_group(name))) == modes, name
+
+
 def test_distinct_modes_differ_and_come_best_first():
     R = torch.tensor(turned(0, 4, 30, 34, 90)[:, :3, :3]).float()
     particles = Particles(R, torch.zeros(5, 3))
-    kept = distinct(particles, torch.tensor([0.1, 0.5, 0.9, 0.2, 0.3]), 4)
+    kept = distinct(particles, torch.tensor([0.1, 0.5, 0.9, 0.2, 0.3]), 4, NONE)
     R_COs = kept.R_COs.numpy()
     angles = np.degrees(np.arctan2(R_COs[:, 1, 0], R_COs[:, 0, 0])).round().tolist()
     assert angles == [30, 4, 90]

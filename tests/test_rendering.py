@@ -233,6 +233,13 @@ def test_atlas_renders_more_poses_than_it_has_copies() -> None:
     assert np.median(np.abs(points[9] - one[0])[both]) < 1e-3
 
 
+def test_surface_of_a_ruler_that_falls_between_pixels_when_seen_along_its_side() -> None:
+    mesh = trimesh.creation.box([0.3, 0.025, 0.002])
+    surface = see_surface(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    assert (surface.areas == 0).any()
+    assert (np.abs(surface.points) <= [0.151, 0.0126, 0.0011]).all()
+
+
 def test_surface_shows_points_of_the_mesh_that_face_the_camera() -> None:
     mesh = MESHES["box"]
     surface = see_surface(mesh.vertices, mesh.faces, views=100)

@@ -10,6 +10,7 @@ from scenes import standing
 
 from sum_drake.appearance import Appearances
 from sum_drake.filter_config import filter_config
+from sum_drake.geometry import symmetry_group
 from sum_drake.likelihood import TERMS, WEIGHTS, observe
 from sum_drake.objects import load_catalogue
 from sum_drake.particles import to_camera
@@ -26,7 +27,7 @@ def sought() -> tuple[Sought, torch.Tensor]:
     frame, boxes = look(CATALOGUE, {"sugar": X_WO})
     model = Appearances(CATALOGUE, "views")["sugar"]
     truth = to_camera(PoseBelief(readonly(X_WO[None]), readonly(np.ones(1))), frame, model.p_OM)
-    return Sought(observe(frame, boxes["sugar"]), model, filter_config()), truth.p_CMs[0]
+    return Sought(observe(frame, boxes["sugar"]), model, symmetry_group("none"), filter_config()), truth.p_CMs[0]
 
 
 def test_particles_begin_with_their_surface_on_what_was_observed(sought) -> None:

@@ -28,7 +28,7 @@ from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
 from sum_drake.filter_config import INGREDIENTS, FilterConfig, filter_config
 from sum_drake.filtering import PoseEstimator
-from sum_drake.objects import Catalogue, load_catalogue
+from sum_drake.objects import Catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
 from sum_drake.rendering import DepthRenderer
 from sum_drake.types import Array
@@ -86,12 +86,14 @@ def bench_pose(
     methods: Sequence[str] = METHODS,
     workers: int = 2,
     device: str = "cpu",
+    anew: bool = False,
     progress: Progress = lambda what, done, total: None,
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
 
-    scenes: how many; default: 40, or 4 if quick. methods: of METHODS and ABLATIONS. Raises InputError for a method that
-    is unknown or cannot run here, and for rows of other settings in `out`.
+    scenes: how many; default: 40, or 4 if quick. methods: of METHODS and ABLATIONS. anew: what is in `out` is replaced,
+    once it is sure that this can run. Raises InputError for a method that is unknown or cannot run here, and for rows
+    of other settings in `out`.
     """
     start = time.monotonic()
     known = (*METHODS, *ABLATIONS)
@@ -105,21 +107,23 @@ def bench_pose(
         "seed": seed,
         "device": device,
         "catalogue": str(catalogue.path),
-        "filters": _digest(filter_configs()),
+        "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
+        "code": _digest(sorted(Path(__file__).parents[1].rglob("*.py"))),
     }
     count = scenes or (QUICK_SCENES if quick else SCENES)
     seeds = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + count)
+    if anew:
+        for name in FILES:
+            (out / name).unlink(missing_ok=True)
     log = _Log(out, settings)
     wanted = [(scene, method) for scene in seeds for method in methods]
     tasks = [task for task in wanted if task not in log.done]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
-        other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
-        measure = functools.partial(
-            _measure, catalogue.path, Path(scratch), seed, device, QUICK_SEEDS if quick else SEEDS
-        )
+        told = other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
+        measure = functools.partial(_measure, QUICK_SEEDS if quick else SEEDS)
         progress("measuring", len(wanted) - len(tasks), len(wanted))
         context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, context, ignore_interrupts) as pool:
+        with ProcessPoolExecutor(workers, context, _start_worker, (catalogue, told, device)) as pool:
             with one_thread_each():
                 futures = {pool.submit(measure, *task): task for task in tasks}
             try:
@@ -150,9 +154,8 @@ def _scene_again(catalogue: Catalogue, seed: int) -> PoseScene:
     return pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), seed)
 
 
-def _digest(configs: Mapping[str, FilterConfig]) -> str:
-    text = json.dumps({name: dataclasses.asdict(config) for name, config in configs.items()}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+def _digest(files: Sequence[Path]) -> str:
+    return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
 
 
 class _Log:
@@ -235,10 +238,9 @@ class _Fpfh:
 class _Worker:
     """One process's scenes and methods."""
 
-    def __init__(self, catalogue: Path, scratch: Path, seed: int, device: str) -> None:
-        self.catalogue = load_catalogue(catalogue)
-        self._told = other_meshes(self.catalogue, scratch, FIRST_SCENE + seed)
-        self._renderer = DepthRenderer(self.catalogue, faces=20_000)
+    def __init__(self, catalogue: Catalogue, told: Catalogue, device: str) -> None:
+        self.catalogue, self._told = catalogue, told
+        self._renderer, self._exact = DepthRenderer(self.catalogue, faces=20_000), DepthRenderer(told)
         self.scene = functools.lru_cache(maxsize=2)(self._scene)
         self.method = functools.cache(self._method)
         self._appearances = functools.cache(functools.partial(Appearances, self._told, device=device))
@@ -250,24 +252,29 @@ class _Worker:
         if name.startswith("fpfh"):
             return _Fpfh(FpfhEstimator(self._told, FpfhConfig(refine=name == "fpfh_icp")))
         config = filter_configs()[name]
-        make = functools.partial(PoseEstimator, self._told, config, appearances=self._appearances(config.render))
+        make = functools.partial(
+            PoseEstimator, self._told, config, appearances=self._appearances(config.render), renderer=self._exact
+        )
         if name == OWN_SENSOR:
             return _Filter({sensor: make(noise=noise) for sensor, noise in SENSORS.items()})
         return _Filter(dict.fromkeys(SENSORS, make()))
 
 
-@functools.lru_cache(maxsize=1)
-def _worker(catalogue: Path, scratch: Path, seed: int, device: str) -> _Worker:
+_worker: _Worker
+"""This process's, in those that measure."""
+
+
+def _start_worker(catalogue: Catalogue, told: Catalogue, device: str) -> None:
     import torch
 
+    global _worker
+    ignore_interrupts()
     torch.set_num_threads(1)
-    return _Worker(catalogue, scratch, seed, device)
+    _worker = _Worker(catalogue, told, device)
 
 
-def _measure(
-    catalogue: Path, scratch: Path, seed: int, device: str, seeds: int, scene_seed: int, name: str
-) -> list[PoseRow]:
-    worker = _worker(catalogue, scratch, seed, device)
+def _measure(seeds: int, scene_seed: int, name: str) -> list[PoseRow]:
+    worker = _worker
     scene, method = worker.scene(scene_seed), worker.method(name)
     rows = []
     for i, instance in enumerate(scene.instances):

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 
 from sum_drake.appearance import Appearance, Appearances, RenderedAnew
+from sum_drake.assets import InputError
 from sum_drake.bench.aims import Aims
 from sum_drake.bench.pose_scenes import PoseScene, pose_scene
 from sum_drake.bench.results import write_results
@@ -78,6 +79,8 @@ def bench_speed(
     torch.set_num_threads(1)
     repeats = 1 if quick else 3
     scene = pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), SCENE + seed)
+    if not scene.instances:
+        raise InputError(f"{catalogue.path}: nothing of a scene poured from it can be seen; expected larger objects")
     parts: list[tuple[str, Callable[[], list[Row]]]] = [
         ("particles", lambda: _by_particles(catalogue, scene, QUICK_PARTICLES if quick else PARTICLES, repeats)),
         ("shares", lambda: _shares(catalogue, scene, repeats)),
@@ -171,7 +174,8 @@ def _renders(catalogue: Catalogue, scene: PoseScene, particles: int) -> list[Row
     over N. "exact" renders at the observation's own pixels, with ten times the triangles; "alone" renders what the
     atlas does, to the same score, in a picture for each particle.
     """
-    instance = max(scene.instances, key=lambda one: one.visible_share)
+    own = [one for one in scene.instances if not one.wrong_box]
+    instance = max(own or scene.instances, key=lambda one: one.visible_share)
     observation = observe(scene.frame, instance.box)
     mesh = mesh_arrays(catalogue, instance.label)
     renderer, alone = DepthRenderer(catalogue), RenderedAnew(*mesh, columns=1)

@@ -94,8 +94,6 @@ def _bench_pose(options: argparse.Namespace) -> None:
     begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
     if options.force or not begun:
         check_free(options.out, FILES, force=options.force, what="bench")
-        for name in FILES:
-            (options.out / name).unlink(missing_ok=True)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     found = bench_pose(
@@ -107,6 +105,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
         methods=options.methods or METHODS,
         workers=options.workers,
         device=options.device,
+        anew=options.force,
         progress=Counting(quiet=options.quiet),
     )
     print(format_figures(found, AIMS))

@@ -99,7 +99,7 @@ class Counting:
 
     def __init__(self, *, quiet: bool) -> None:
         self._quiet, self._terminal = quiet, sys.stderr.isatty()
-        self._told, self._of = float("-inf"), (0, 0)
+        self._told, self._of = float("-inf"), (-1, -1)
 
     def __call__(self, what: str, done: int, total: int) -> None:
         """what: that is being done; done: of `total`, from 0 or 1 on."""
