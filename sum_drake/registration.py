@@ -58,7 +58,10 @@ class FpfhEstimator:
             self._models[label] = self._describe(points, normals)
 
     def estimate(self, frame: Frame, box: Box, label: str, *, seed: int) -> Array | None:
-        """X_WO (4, 4) of the object in a box; None where there are too few points for any match."""
+        """X_WO (4, 4) of the object in a box; None where there are too few points for any match.
+
+        A seed gives the same but for rounding: Open3D's threads add in any order.
+        """
         o3d = _open3d()
         self.warm(label)
         model, model_features = self._models[label]

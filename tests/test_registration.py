@@ -25,7 +25,7 @@ def test_features_and_icp_find_what_stands_alone_and_a_seed_is_a_result(seen):
     found = [estimator.estimate(frame, box, "mustard", seed=seed) for seed in (0, 1, 2, 0)]
     off = [pose_error(X, X_WO, CATALOGUE["mustard"].symmetry)[0] for X in found]
     assert min(off) < 0.02, "of three seeds one at least"
-    np.testing.assert_array_equal(found[0], found[3])
+    np.testing.assert_allclose(found[0], found[3], atol=1e-6, err_msg="ICP's threads add in any order")
 
 
 def test_without_points_there_is_no_estimate(seen):
