@@ -106,7 +106,7 @@ def bench_pose(
         "quick": quick,
         "seed": seed,
         "device": device,
-        "catalogue": str(catalogue.path),
+        "catalogue": catalogue.path.name,
         "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
         "code": _digest(sorted(Path(__file__).parents[1].rglob("*.py"))),
     }

@@ -94,7 +94,7 @@ def bench_speed(
         rows += [{"table": name, **row} for row in measure()]
     progress("done", len(parts), len(parts))
     found = _figures(rows)
-    settings = {"repeats": repeats, "catalogue": str(catalogue.path), "wall_s": round(time.monotonic() - start, 1)}
+    settings = {"repeats": repeats, "catalogue": catalogue.path.name, "wall_s": round(time.monotonic() - start, 1)}
     out.mkdir(parents=True, exist_ok=True)
     write_results(out, "speed", quick=quick, settings=settings, seeds={"scene": SCENE + seed}, figures=found, rows=rows)
     write_whole(out / "report.html", report_page(rows, found, AIMS))
