@@ -10,10 +10,12 @@ beside it ADD-S.
 import argparse
 import dataclasses
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
 
+from sum_drake.assets import InputError
 from sum_drake.bench.pose_figures import errors
 from sum_drake.estimates import estimate_frame
 from sum_drake.filter_config import FILTERS, filter_config
@@ -38,7 +40,11 @@ def main() -> None:
     options = parser.parse_args()
     catalogue, read = load_catalogue(options.catalogue), read_frame(options.frame)
     truth, models = {}, {}
+    if not (options.frame / "truth.json").is_file():
+        raise InputError(f"{options.frame}: no truth.json; expected a list of {{label, X_CO}}")
     for row in json.loads((options.frame / "truth.json").read_text()):
+        if row["label"] not in catalogue:
+            raise InputError(f"the catalogue has no '{row['label']}' of truth.json; expected --catalogue with it")
         model = catalogue[row["label"]]
         symmetry = symmetry_group(row["symmetry"]) if "symmetry" in row else model.symmetry
         models[model.label] = dataclasses.replace(model, symmetry=symmetry)
@@ -64,4 +70,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:
+        sys.exit(str(error))

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sum_drake.assets import InputError
 from sum_drake.belief import Estimator
 from sum_drake.boxes import distance, measured
 from sum_drake.drawing import Image, draw_perception
@@ -80,12 +79,10 @@ def estimate_frame(
 ) -> list[Estimate]:
     """One estimate a box, in their order. A box that nothing can be said of has probability 0 and says why.
 
-    Several boxes may hold objects of one label. threshold: least probability of what is accepted. Raises InputError
-    where all that was measured is of another scale than the meshes.
+    Several boxes may hold objects of one label. threshold: least probability of what is accepted.
     """
     problems = [_problem(frame, one, catalogue) for one in boxes]
     asked = [i for i, problem in enumerate(problems) if not problem]
-    _check_scale(frame, [boxes[i] for i in asked], catalogue)
     requests = [PoseRequest(boxes[i].label, boxes[i].box, np.random.default_rng([seed, i])) for i in asked]
     found = dict(zip(asked, estimator.estimate_all(frame, requests), strict=True))
     return [
@@ -103,22 +100,16 @@ def _problem(frame: Frame, one: LabelledBox, catalogue: Catalogue) -> str:
         return "the box is empty"
     if x >= frame.camera.width or y >= frame.camera.height or x + w <= 0 or y + h <= 0:
         return f"the box lies outside the picture of {frame.camera.width} x {frame.camera.height} pixels"
-    return "" if len(measured(frame, one.box)) else "no depth was measured in the box"
-
-
-def _check_scale(frame: Frame, boxes: Sequence[LabelledBox], catalogue: Catalogue) -> None:
-    """Raises InputError where no box, at the depth in it, could hold its object whatever way it is turned or hidden."""
-    ratios = []
-    for one in boxes:
-        _, _, w, h = one.box
-        across = np.hypot(w / frame.camera.fx, h / frame.camera.fy) * distance(frame, one.box)
-        ratios.append(across / np.linalg.norm(catalogue[one.label].dimensions))
-    if ratios and (max(ratios) < SMALLEST or min(ratios) > LARGEST):
-        raise InputError(
-            f"at the depth measured in them, the boxes are {min(ratios):.2g} to {max(ratios):.2g} times the size of "
-            "their objects; expected depth in metres (camera.json's depth_scale), a camera's true fx and fy, and "
-            "meshes in metres"
-        )
+    if not len(measured(frame, one.box)):
+        return "no depth was measured in the box"
+    across = np.hypot(w / frame.camera.fx, h / frame.camera.fy) * distance(frame, one.box)
+    ratio = across / float(np.linalg.norm(catalogue[one.label].dimensions))
+    if SMALLEST <= ratio <= LARGEST:
+        return ""
+    return (
+        f"the box, at the depth in it, is {ratio:.2g} times as large as the object; expected a box about it, and depth "
+        "(camera.json's depth_scale) and meshes in metres"
+    )
 
 
 def pose_probability(p_box: float, p_label: float, found: PoseEstimate) -> float:

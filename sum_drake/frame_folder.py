@@ -81,7 +81,7 @@ def _read_json(path: Path) -> Any:
         return json.loads(path.read_text())
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; expected a frame folder's {path.name}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: {one_line(error)}; expected JSON") from error
 
 
@@ -107,6 +107,8 @@ def _is_finite(value: Any) -> bool:
 def _camera(about: Mapping[str, Any], path: Path) -> Camera:
     width, height = (_number(about, key, path, 0) for key in ("width", "height"))
     fx, fy = (_number(about, key, path, 0.0) for key in ("fx", "fy"))
+    if min(fx, fy) < 1:
+        raise InputError(f"{path}: fx, fy are {fx:g}, {fy:g}; expected pixels, at least 1")
     cx, cy = _number(about, "cx", path), _number(about, "cy", path)
     if abs(cx) > FAR_OUT * width or abs(cy) > FAR_OUT * height:
         raise InputError(f"{path}: cx, cy are {cx:g}, {cy:g}; expected pixels, in or near {width:g} x {height:g}")
@@ -118,7 +120,7 @@ def _pose(value: Any, path: Path) -> Array:
         X = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         X = np.zeros(0)
-    rigid = X.shape == (4, 4) and np.isfinite(X).all() and np.allclose(X[3], [0, 0, 0, 1])
+    rigid = X.shape == (4, 4) and (np.abs(X) <= 10 * LARGEST).all() and np.allclose(X[3], [0, 0, 0, 1])
     if not rigid or not np.allclose(X[:3, :3] @ X[:3, :3].T, np.eye(3), atol=1e-3) or np.linalg.det(X[:3, :3]) < 0:
         raise InputError(f"{path}: X_WC is no rigid motion; expected 4 x 4 numbers, metres")
     # A rotation written with few digits is not quite one.

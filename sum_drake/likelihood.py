@@ -262,6 +262,8 @@ def count_picture(observation: Observation, depth: NDArray[np.float32], epsilon:
     camera = observation.camera
     v, u = (torch.from_numpy(index) for index in np.nonzero(depth))
     z = torch.from_numpy(depth[depth > 0])
+    if not len(z):
+        return count(observation, torch.ones(1, 1, 3), torch.zeros(1, 1), epsilon)
     p_CPs = pixel_rays(camera, u, v) * z[:, None]
     return count(observation, p_CPs[None], (z**2 / (camera.fx * camera.fy))[None], epsilon)
 

@@ -22,6 +22,8 @@ LARGEST = 2.0
 """Metres: a mesh larger than this is taken to be in millimetres."""
 SMALLEST = 0.001
 """Metres: a mesh smaller than this is taken to be in other units, too."""
+LEAST_AREA = 1e-6
+"""Of a mesh, as a share of its squared diagonal: a needle shows in no picture."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,7 +120,7 @@ def _load_mesh(path: Path) -> "trimesh.Trimesh":
         raise InputError(f"mesh {path} has vertices that are not finite: expected metres")
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
-    if not mesh.area > 0:
+    if not mesh.area > LEAST_AREA * float(np.linalg.norm(mesh.extents)) ** 2:
         raise InputError(f"mesh {path} has only faces without area: expected a triangle mesh")
     extent = float(mesh.extents.max())
     if extent > LARGEST:

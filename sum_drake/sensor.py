@@ -9,6 +9,9 @@ from pydrake.systems.sensors import CameraInfo
 from sum_drake.assets import InputError
 from sum_drake.types import Array, Camera
 
+LARGEST = 1000.0
+"""No number of a noise model is larger."""
+
 DepthImage = NDArray[np.float32]
 """(h, w), z-depth in metres, 0 where nothing was returned."""
 
@@ -78,8 +81,8 @@ class DepthNoiseConfig:
         for name in (
             "axial_constant", "axial_quadratic", "baseline", "disparity_step", "lateral", "edge_jump", "edge_erosion",
         ):  # fmt: skip
-            if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"noise: {name} is {getattr(self, name)}, expected a finite number >= 0")
+            if not 0 <= getattr(self, name) <= LARGEST:
+                raise InputError(f"noise: {name} is {getattr(self, name)}, expected a number from 0 to {LARGEST:g}")
         if self.edge_erosion != int(self.edge_erosion):
             raise InputError(f"noise: edge_erosion is {self.edge_erosion}, expected a whole number of pixels")
         for name in ("edge_dropout", "dropout"):

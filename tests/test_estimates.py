@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scenes import X_WC, observe, standing
 
-from sum_drake.assets import InputError
 from sum_drake.estimates import draw_estimates, estimate_frame, estimates_table
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
@@ -60,8 +59,9 @@ def test_depth_of_another_unit_is_refused(catalogue, seen, scale):
     frame, boxes, _ = seen
     frame = dataclasses.replace(frame, depth=readonly(scale * frame.depth, np.float32))
     asked = [LabelledBox(label, box, 0.9) for label, box in boxes.items()]
-    with pytest.raises(InputError, match="times the size of their objects; expected depth in metres"):
-        estimate_frame(frame, asked, catalogue, PoseEstimator(catalogue, FAST), seed=0)
+    for one in estimate_frame(frame, asked, catalogue, PoseEstimator(catalogue, FAST), seed=0):
+        assert one.probability == 0
+        assert "times as large as the object; expected a box about it, and depth" in one.message
 
 
 def test_boxes_of_nothing_say_why_and_are_not_believed(estimates):

@@ -1,5 +1,6 @@
 """What a bench's figures are to reach, and whether they do."""
 
+import math
 from collections.abc import Mapping
 
 Aims = Mapping[str, tuple[str, float]]
@@ -11,6 +12,8 @@ def aim(aims: Aims, name: str, value: float) -> str:
     if name not in aims:
         return ""
     words, goal = aims[name]
+    if math.isnan(value):
+        return f"{words} {goal:g}: nothing to measure it on"
     return f"{words} {goal:g}: {'reached' if reached(aims, name, value) else 'missed'}"
 
 
