@@ -142,7 +142,7 @@ def _cut(box: Box, camera: Camera, left: int, top: int) -> Box:
     return u - left, v - top, max(min(x + w, camera.width) - u, 0.0), max(min(y + h, camera.height) - v, 0.0)
 
 
-LEAST_LEFT = 0.1
+LEAST_LEFT = 0.03
 """Where less of a box than this is left without the plane, the object lies in it: a lid, a sheet."""
 SUNK = 0.01
 """Points that lie deeper than this under the plane cannot be, metres."""

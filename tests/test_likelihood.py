@@ -320,3 +320,13 @@ def test_registration_without_an_observation_stays() -> None:
     p_CM = torch.tensor([[0, 0, 1.0]])
     turn, move = register(observation, points + p_CM, normals, p_CM, 0.04)
     assert float(turn.norm()) == float(move.norm()) == 0
+
+
+def test_a_thin_thing_on_its_edge_is_told_from_the_table_and_one_that_lies_in_it_is_not() -> None:
+    """As a ruler across its box, which is 5 % of what is in there."""
+    depth = plane()
+    v, u = np.mgrid[:60, :80]
+    depth[np.abs(v - 0.75 * u) < 2] = 0.98
+    table = Plane(np.array([0.0, 0.0, -1.0]), 1.0)
+    assert observe(frame_of(depth), WHOLE, plane=table).n == np.count_nonzero(depth < 1)
+    assert observe(frame_of(np.where(depth < 1, 0.998, 1.0)), WHOLE, plane=table).n == depth.size
