@@ -132,6 +132,8 @@ def bench_pose(
                     progress("measuring", sum(task in log.done for task in wanted), len(wanted))
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
+                for process in multiprocessing.active_children():
+                    process.terminate()  # what they are at takes minutes, and is lost either way
                 raise
         rows = [row for row in log.rows if (row.scene, row.method) in wanted]
         rows.sort(key=lambda row: (known.index(row.method), row.scene, row.label, row.seed))
