@@ -30,6 +30,8 @@ from sum_drake.rendering import DepthRenderer
 from sum_drake.workers import one_thread_each
 
 RESULT = Path(__file__).parent / "results" / "fpfh_fit.json"
+START = FpfhConfig(voxel=0.005, feature_radius=0.03)
+"""What was used before."""
 TRIED: dict[str, tuple[Any, ...]] = {
     "support": (True, False),
     "voxel": (0.004, 0.007),
@@ -81,7 +83,7 @@ def main() -> None:
                 print(row, file=sys.stderr)
                 return float(right / count)
 
-            best = FpfhConfig()
+            best = START
             reached = share(best)
             for name, values in TRIED.items():
                 for value in values:

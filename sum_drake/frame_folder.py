@@ -94,13 +94,13 @@ def _object(data: Any, path: Path) -> Mapping[str, Any]:
 def _number(data: Mapping[str, Any], key: str, path: Path, over: float | None = None) -> float:
     value: Any = data.get(key)
     expected = f"a finite number{'' if over is None else f' over {over:g}'}, at most {LARGEST:g}"
-    if not _is_finite(value) or (over is not None and value <= over):
+    if not _is_number(value) or (over is not None and value <= over):
         said = f"is {value!r}" if key in data else "is missing"
         raise InputError(f"{path}: {key} {said}; expected {expected}")
     return float(value)
 
 
-def _is_finite(value: Any) -> bool:
+def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(-LARGEST <= value <= LARGEST)
 
 
@@ -158,9 +158,9 @@ def _boxes(data: Any, path: Path) -> tuple[LabelledBox, ...]:
         if not isinstance(entry, dict) or not isinstance(entry.get("label"), str):
             raise InputError(f"{where}: has no label; expected {{label, box: [x, y, w, h], score}}")
         box, score = entry.get("box"), entry.get("score", 1.0)
-        if not (isinstance(box, list) and len(box) == 4 and all(map(_is_finite, box))):
-            raise InputError(f"{where}: box is {box!r}; expected four finite numbers x, y, w, h")
-        if not (_is_finite(score) and 0 <= score <= 1):
+        if not (isinstance(box, list) and len(box) == 4 and all(map(_is_number, box))):
+            raise InputError(f"{where}: box is {box!r}; expected four finite numbers x, y, w, h, at most {LARGEST:g}")
+        if not (_is_number(score) and 0 <= score <= 1):
             raise InputError(f"{where}: score is {score!r}; expected a probability")
         x, y, w, h = (float(side) for side in box)
         found.append(LabelledBox(entry["label"], (x, y, w, h), float(score)))

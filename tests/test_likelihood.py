@@ -15,6 +15,7 @@ from sum_drake.likelihood import (
     Observation,
     confidence,
     count,
+    count_picture,
     log_likelihood,
     observe,
     paper_likelihood,
@@ -330,3 +331,10 @@ def test_a_thin_thing_on_its_edge_is_told_from_the_table_and_one_that_lies_in_it
     table = Plane(np.array([0.0, 0.0, -1.0]), 1.0)
     assert observe(frame_of(depth), WHOLE, plane=table).n == np.count_nonzero(depth < 1)
     assert observe(frame_of(np.where(depth < 1, 0.998, 1.0)), WHOLE, plane=table).n == depth.size
+
+
+def test_a_pose_that_shows_nothing_explains_nothing() -> None:
+    observation = observe(frame_of(plane()), WHOLE)
+    counts = count_picture(observation, np.zeros((60, 80), np.float32), 0.008)
+    assert float(counts.rendered[0]) == float(counts.inliers[0]) == float(counts.free_space[0]) == 0
+    assert np.isfinite(float(log_likelihood(counts, observation)[0]))
