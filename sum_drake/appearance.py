@@ -140,11 +140,10 @@ class RenderedAnew:
         R_CVs = torch.from_numpy(view_rotations(_rays(p_CMs).double().numpy())).float()
         R_VOs = R_CVs.transpose(1, 2) @ R_COs
         points, seen = self._atlas.points(R_VOs.double().numpy())
-        n = len(particles)
         p_VPs, areas = torch.from_numpy(points).to(self._device), torch.from_numpy(seen).to(self._device)
-        p_CPs = torch.bmm(R_CVs.to(self._device), p_VPs.view(n, -1, 3).transpose(1, 2))
+        p_CPs = torch.bmm(R_CVs.to(self._device), p_VPs.transpose(1, 2))
         p_CPs = (p_CPs + p_CMs.to(self._device)[..., None]).transpose(1, 2)
-        return Shown(p_CPs, None, areas.view(n, -1) * self._atlas.pixel**2)
+        return Shown(p_CPs, None, areas * self._atlas.pixel**2)
 
 
 def _rays(p_CMs: Tensor) -> Tensor:

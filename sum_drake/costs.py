@@ -34,9 +34,12 @@ def peak_memory_mib() -> float:
     return _peak_by_getrusage() if told is None else told
 
 
-def memory_mib() -> float:
-    """The memory that this process holds, MiB; where the system does not say, the most that it has held."""
-    told = _told_mib("VmRSS")
+def own_memory_mib() -> float:
+    """The memory that this process holds of its own, MiB; where the system does not say, the most that it has held.
+
+    Without the files it has mapped, libraries above all: the system drops them when memory is short.
+    """
+    told = _told_mib("RssAnon")
     return _peak_by_getrusage() if told is None else told
 
 

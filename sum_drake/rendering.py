@@ -204,7 +204,8 @@ class Atlas:
         corners = (np.arange(columns) + 0.5) * tile - 0.5 - middle
         centres = np.stack([*np.meshgrid(corners, corners), np.full((columns, columns), focal)], -1).reshape(-1, 3)
         self._R_AVs = view_rotations(centres)  # (columns^2, 3, 3): the frame V of each tile in the far camera's, A
-        self._rays_V = (self._tiles(rays) @ self._R_AVs[:, None]).astype(np.float32)  # (columns^2, tile, tile, 3)
+        rays_V = self._tiles(rays) @ self._R_AVs[:, None]
+        self._rays_V = rays_V.astype(np.float32).reshape(columns**2, -1, 3)  # (columns^2, tile^2, 3)
 
     @property
     def rendered(self) -> int:
@@ -218,12 +219,11 @@ class Atlas:
     def points(self, R_VOs: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """What is seen of the object turned by R_VOs (n, 3, 3) when looking along the z axis of V at its middle.
 
-        Returns p_MQ_V (n, tile, tile, 3), the points seen by each pixel relative to the middle, and (n, tile, tile),
-        whether the pixel sees one.
+        Returns p_MQ_V (n, k, 3), the points that the pixels of each tile see, row by row, relative to the middle, k of
+        them where most are seen, and (n, k), which of them are any.
         """
+        depth = np.zeros((len(R_VOs), self.tile**2), dtype=np.float32)
         copies = self._columns**2
-        points = np.zeros((len(R_VOs), self.tile, self.tile, 3), dtype=np.float32)
-        seen = np.zeros(points.shape[:3], dtype=bool)
         for start in range(0, len(R_VOs), copies):
             part = slice(start, min(start + copies, len(R_VOs)))
             R_AVs = self._R_AVs[: part.stop - start]
@@ -234,11 +234,16 @@ class Atlas:
             # Only as many rows of tiles as there are poses for, but with the middle, which Drake wants to be inside.
             rows = max(-(-len(R_AOs) // self._columns), self._columns // 2 + 1)
             picture = dataclasses.replace(self._camera, height=rows * self.tile)
-            depth = self._tiles(self._scene.depth(X_AOs, picture, *self._range))[: len(R_AOs)]
-            np.multiply(depth, self._rays_V[: len(R_AOs)], out=points[part])
-            points[part, ..., 2] -= FAR
-            seen[part] = depth[..., 0] > 0
-        return points, seen
+            tiles = self._tiles(self._scene.depth(X_AOs, picture, *self._range))
+            depth[part] = tiles[: len(R_AOs)].reshape(len(R_AOs), -1)
+        # Most of a tile shows nothing, which would cost whoever compares the points as much as what it shows.
+        row, pixel = np.nonzero(depth)
+        counts = np.bincount(row, minlength=len(depth))
+        place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+        points = np.zeros((len(depth), max(int(counts.max(initial=0)), 1), 3), dtype=np.float32)
+        points[row, place] = depth[row, pixel, None] * self._rays_V[row % copies, pixel]
+        points[row, place, 2] -= FAR
+        return points, np.arange(points.shape[1]) < counts[:, None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -294,7 +299,7 @@ def see_surface(
         evenly = ((np.arange(points) + 0.5) / points * len(pixels)).astype(int)
         shown[view] = pixels[evenly] @ R_VOs[view]
     # Something thin, seen along its side, may fall between pixels: its points are a neighbour's then, with no area.
-    something = seen.any(axis=(1, 2))
+    something = seen.any(axis=1)
     along = np.where(something, directions @ directions.T, -np.inf)
     shown = shown[np.where(something, np.arange(views), along.argmax(axis=1))]
     distance, near = tree.query(shown, k=5)  # (views, points, 5)
@@ -309,7 +314,7 @@ def see_surface(
         readonly(directions, np.float32),
         readonly(p_MSs[chosen], np.float32),
         readonly(towards * n_Ss[chosen], np.float32),
-        readonly(seen.sum(axis=(1, 2)) * atlas.pixel**2 / points, np.float32),
+        readonly(seen.sum(axis=1) * atlas.pixel**2 / points, np.float32),
     )
 
 

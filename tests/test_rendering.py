@@ -6,6 +6,7 @@ import pytest
 import trimesh
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from sum_drake.geometry import inverse, rotation_angle, rotation_from_quaternion, transform
 from sum_drake.rendering import (
@@ -226,11 +227,28 @@ def test_atlas_renders_more_poses_than_it_has_copies() -> None:
     R_VOs = rotation_from_quaternion(np.random.default_rng(0).normal(size=(11, 4)))
     points, seen = atlas.points(R_VOs)
     one, seen_one = atlas.points(R_VOs[9:10])
-    assert points.shape == (11, 32, 32, 3)
+    assert points.shape == (*seen.shape, 3)
+    assert seen.any(axis=1).all()
+    assert seen.all(axis=0)[:100].all()  # those that show something come first
     # Another tile, another copy: only rounding at the silhouette may differ.
-    assert (seen[9] != seen_one[0]).sum() <= 8
-    both = seen[9] & seen_one[0]
-    assert np.median(np.abs(points[9] - one[0])[both]) < 1e-3
+    assert abs(seen[9].sum() - seen_one[0].sum()) <= 8
+    distance, _ = cKDTree(points[9][seen[9]]).query(one[0][seen_one[0]])
+    assert np.median(distance) < 1e-3
+    assert distance.max() < 2 * atlas.pixel
+
+
+def test_a_tile_keeps_what_is_seen_and_nothing_else() -> None:
+    mesh = MESHES["box"]
+    atlas = Atlas(mesh.vertices, mesh.faces, columns=2)
+    R_VOs = rotation_from_quaternion(np.random.default_rng(0).normal(size=(3, 4)))
+    points, seen = atlas.points(R_VOs)
+    assert points.shape[1] == seen.sum(axis=1).max() < atlas.tile**2
+    assert not points[~seen].any()
+    on_the_box = np.abs(np.abs((points @ R_VOs)[seen] + atlas.p_OM) - HALF).min(axis=-1)
+    assert on_the_box.max() < 1e-4
+    none, nothing = atlas.points(np.zeros((0, 3, 3)))
+    assert none.shape == (0, 1, 3)
+    assert nothing.shape == (0, 1)
 
 
 def test_surface_of_a_ruler_that_falls_between_pixels_when_seen_along_its_side() -> None:

@@ -53,8 +53,8 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         "<h2>Where the time of an estimate goes</h2>",
         page.table(("part", "share"), [(page.text(row["part"]), f"{row['share']:.0%}") for row in of["shares"]]),
         "<h2>A particle, from its pose to its score</h2>",
-        "<p>Each alone, or many in one picture of tiles; the error is of inliers / N, beside renders at the "
-        "observation's own pixels (exact).</p>",
+        "<p>Each alone, many in one picture of tiles, or looked up among renders made once; the error is of inliers "
+        "/ N, beside renders at the observation's own pixels (exact).</p>",
         page.table(
             ("way", "size", "CPU ms", "error"),
             [
