@@ -78,6 +78,9 @@ class DepthNoiseConfig:
     """Probability that any other pixel returns nothing."""
 
     def __post_init__(self) -> None:
+        for name in ("enabled", "shadows"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"noise: {name} is {getattr(self, name)!r}, expected true or false")
         for name in (
             "axial_constant", "axial_quadratic", "baseline", "disparity_step", "lateral", "edge_jump", "edge_erosion",
         ):  # fmt: skip

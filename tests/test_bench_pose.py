@@ -6,8 +6,8 @@ import pytest
 from shapes import part_of_package
 
 from sum_drake.assets import InputError
-from sum_drake.bench.pose import ABLATIONS, FILES, bench_pose, filter_configs
-from sum_drake.bench.pose_figures import METHODS
+from sum_drake.bench.pose import FILES, bench_pose
+from sum_drake.bench.pose_methods import ABLATIONS, METHODS, filter_configs
 from sum_drake.cli import main
 from sum_drake.filter_config import filter_config
 
@@ -61,8 +61,12 @@ def test_cut_off_it_goes_on_where_it_was(out, catalogue, tmp_path):
 
 def test_rows_of_other_settings_and_unknown_methods_are_refused(out, catalogue, tmp_path):
     (tmp_path / "rows.jsonl").write_text((out / "rows.jsonl").read_text())
-    with pytest.raises(InputError, match="other settings"):
+    with pytest.raises(InputError, match="is of seed 0 and not 1; expected"):
         bench_pose(tmp_path, catalogue, **RUN | {"seed": 1})
+    changed = (out / "rows.jsonl").read_text().replace('"code": "', '"code": "0', 1)
+    (tmp_path / "rows.jsonl").write_text(changed)
+    with pytest.raises(InputError, match="is of another version of the program; expected"):
+        bench_pose(tmp_path, catalogue, **RUN)
     (tmp_path / "rows.jsonl").write_text((out / "rows.jsonl").read_text().replace("adds_m", "adds_km", 1))
     with pytest.raises(InputError, match="rows of this bench"):
         bench_pose(tmp_path, catalogue, **RUN)

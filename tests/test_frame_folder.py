@@ -76,6 +76,8 @@ def test_a_rotation_of_few_digits_becomes_one(folder):
         ({"X_WC": np.diag([1, 1, -1, 1]).tolist()}, "X_WC is no rigid motion"),
         ({"noise": {"grain": 1}}, "unknown key 'grain'"),
         ({"noise": {"axial_constant": "much"}}, "expected"),
+        ({"noise": {"enabled": "abc"}}, "enabled is 'abc', expected true or false"),
+        ({"noise": {"shadows": 1}}, "shadows is 1, expected true or false"),
         ({"noise": 3}, "is no object"),
     ],
 )

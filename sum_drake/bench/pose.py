@@ -20,13 +20,13 @@ import numpy as np
 
 from sum_drake.appearance import Appearances
 from sum_drake.assets import InputError, one_line
-from sum_drake.bench.pose_figures import METHODS, PoseRow, errors, figures
+from sum_drake.bench.pose_figures import PoseRow, errors, figures
+from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, filter_configs
 from sum_drake.bench.pose_report import report_page
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
 from sum_drake.bench.results import write_results
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
-from sum_drake.filter_config import INGREDIENTS, FilterConfig, filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.objects import Catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
@@ -38,42 +38,9 @@ FILES = ("results.json", "report.html", "rows.jsonl")
 SCENES, QUICK_SCENES = 40, 4
 SEEDS, QUICK_SEEDS = 2, 1
 """Estimates of each instance, from seeds of their own."""
-OWN_SENSOR = "default_own_sensor"
-"""The default, told the noise model of the sensor; the other methods take each for a structured-light camera."""
 WRONG = 1e3
 """Errors of a method that gives no estimate, metres and degrees."""
 Progress = Callable[[str, int, int], None]
-
-ABLATIONS: dict[str, dict[str, Any]] = {
-    "no_warmup": {"warmup": 0},
-    "no_flips": {"flipped": 0.0},
-    "no_rivals": {"candidates": 0},
-    "no_support": {"support": False},
-    "no_tempering": {"effective_share": 0.0},
-    **{f"no_{name}": {"without": (name,)} for name in INGREDIENTS},
-    "inliers_alone": {"score": "inliers", "candidates": 0},
-    "uniform_start": {"start": "uniform"},
-    "fixed_epsilon": {"epsilon_first": FilterConfig.epsilon},
-    "any_sensor": {"sensor": False, "epsilon_first": 0.010, "epsilon": 0.007},
-    "half_the_particles": {
-        "particles": FilterConfig.particles // 2,
-        "particles_last": FilterConfig.particles_last // 2,
-    },
-}
-"""Further methods: the default filter with an ingredient left out."""
-
-
-def filter_configs() -> dict[str, FilterConfig]:
-    """The filters that are compared."""
-    default = filter_config("default")
-    return {
-        "paper": filter_config("paper"),
-        "default": default,
-        OWN_SENSOR: default,
-        "default_no_registration": dataclasses.replace(default, warmup=0, registered=0.0, candidates=0),
-        "fast": dataclasses.replace(default, particles=800, iterations=5, candidates=4),
-        **{name: dataclasses.replace(default, **without) for name, without in ABLATIONS.items()},
-    }
 
 
 def bench_pose(
@@ -83,7 +50,7 @@ def bench_pose(
     quick: bool = False,
     scenes: int | None = None,
     seed: int = 0,
-    methods: Sequence[str] = METHODS,
+    methods: Sequence[str] = tuple(METHODS),
     workers: int = 2,
     device: str = "cpu",
     anew: bool = False,
@@ -91,12 +58,12 @@ def bench_pose(
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
 
-    scenes: how many; default: 40, or 4 if quick. methods: of METHODS and ABLATIONS. anew: what is in `out` is replaced,
+    scenes: how many; default: 40, or 4 if quick. methods: of `pose_methods.ABOUT`. anew: what is in `out` is replaced,
     once it is sure that this can run. Raises InputError for a method that is unknown or cannot run here, and for rows
     of other settings in `out`.
     """
     start = time.monotonic()
-    known = (*METHODS, *ABLATIONS)
+    known = tuple(ABOUT)
     unknown = [name for name in methods if name not in known]
     if unknown:
         raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(known)}")
@@ -160,6 +127,13 @@ def _digest(files: Sequence[Path]) -> str:
     return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
 
 
+def _other(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+    """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
+    words = {"code": "another version of the program", "meshes": "other meshes"}
+    keys = [key for key in settings if begun.get(key) != settings[key]]
+    return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
+
+
 class _Log:
     """rows.jsonl: settings in the first line, then one line for each scene and method that are done."""
 
@@ -177,8 +151,9 @@ class _Log:
             self._path.write_text(json.dumps(settings) + "\n")
             return
         try:
-            if json.loads(lines[0]) != settings:
-                raise InputError(f"{self._path}: is of other settings; expected a new --out")
+            other = _other(json.loads(lines[0]), settings)
+            if other:
+                raise InputError(f"{self._path}: is of {other}; expected a new --out, or --force")
             for line in lines[1:]:
                 entry = json.loads(line)
                 self._keep(entry["scene"], entry["method"], [PoseRow(**row) for row in entry["rows"]])

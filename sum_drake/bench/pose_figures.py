@@ -11,7 +11,6 @@ from sum_drake.objects import ObjectModel, sample_surface
 from sum_drake.reliability import Reliability, reliability
 from sum_drake.types import Array
 
-METHODS = ("paper", "default", "default_own_sensor", "default_no_registration", "fast", "fpfh", "fpfh_icp")
 BOUNDS = {"1cm_10deg": (0.01, 10.0), "2cm_20deg": (0.02, 20.0), "5cm_30deg": (0.05, 30.0)}
 """Metres and degrees."""
 LOW_VISIBILITY = 0.7

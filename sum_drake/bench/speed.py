@@ -64,29 +64,41 @@ Row = dict[str, Any]
 Progress = Callable[[str, int, int], None]
 
 
+@dataclasses.dataclass(frozen=True)
+class _On:
+    """What is measured on."""
+
+    catalogue: Catalogue
+    scene: PoseScene
+    repeats: int
+    device: str
+
+
 def bench_speed(
     out: Path,
     catalogue: Catalogue,
     *,
     quick: bool = False,
     seed: int = 0,
+    device: str = "cpu",
     progress: Progress = lambda what, done, total: None,
 ) -> dict[str, float]:
     """Measures, writes results.json and report.html into `out`, and returns the figures.
 
+    device: torch's, where points are compared; what is told is CPU seconds all the same.
     Run it on a machine that does nothing else.
     """
     start = time.monotonic()
     torch.set_num_threads(1)
-    repeats = 1 if quick else 3
     scene = pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), SCENE + seed)
     if not scene.instances:
         raise InputError(f"{catalogue.path}: nothing of a scene poured from it can be seen; expected larger objects")
+    on = _On(catalogue, scene, 1 if quick else 3, device)
     parts: list[tuple[str, Callable[[], list[Row]]]] = [
-        ("particles", lambda: _by_particles(catalogue, scene, QUICK_PARTICLES if quick else PARTICLES, repeats)),
-        ("shares", lambda: _shares(catalogue, scene, repeats)),
-        ("renders", lambda: _renders(catalogue, scene, 144 if quick else 1152, repeats)),
-        ("objects", lambda: _by_objects(catalogue, scene, QUICK_OBJECTS if quick else OBJECTS, repeats)),
+        ("particles", lambda: _by_particles(on, QUICK_PARTICLES if quick else PARTICLES)),
+        ("shares", lambda: _shares(on)),
+        ("renders", lambda: _renders(on, 144 if quick else 1152)),
+        ("objects", lambda: _by_objects(on, QUICK_OBJECTS if quick else OBJECTS)),
         ("memory", lambda: _memory(catalogue)),
     ]
     rows: list[Row] = []
@@ -95,7 +107,12 @@ def bench_speed(
         rows += [{"table": name, **row} for row in measure()]
     progress("done", len(parts), len(parts))
     found = _figures(rows)
-    settings = {"repeats": repeats, "catalogue": catalogue.path.name, "wall_s": round(time.monotonic() - start, 1)}
+    settings = {
+        "repeats": on.repeats,
+        "catalogue": catalogue.path.name,
+        "device": device,
+        "wall_s": round(time.monotonic() - start, 1),
+    }
     out.mkdir(parents=True, exist_ok=True)
     write_results(out, "speed", quick=quick, settings=settings, seeds={"scene": SCENE + seed}, figures=found, rows=rows)
     write_whole(out / "report.html", report_page(rows, found, AIMS))
@@ -128,14 +145,14 @@ def _requests(scene: PoseScene, count: int, seed: int) -> list[PoseRequest]:
     return [PoseRequest(one.label, one.box, np.random.default_rng([seed, i])) for i, one in enumerate(chosen)]
 
 
-def _by_particles(catalogue: Catalogue, scene: PoseScene, counts: Sequence[int], repeats: int) -> list[Row]:
+def _by_particles(on: _On, counts: Sequence[int]) -> list[Row]:
     """CPU seconds an object against the number of particles at the start."""
-    appearances = Appearances(catalogue, filter_config().render)
+    appearances = Appearances(on.catalogue, filter_config().render, device=on.device)
     rows = []
     for particles in counts:
         config = dataclasses.replace(filter_config(), particles=particles)
-        estimator = PoseEstimator(catalogue, config, appearances=appearances)
-        cpu_s = _steady(estimator, scene, repeats)
+        estimator = PoseEstimator(on.catalogue, config, appearances=appearances)
+        cpu_s = _steady(estimator, on.scene, on.repeats)
         rows.append({"particles": particles, "cpu_s": round(cpu_s, 4)})
     return rows
 
@@ -150,14 +167,14 @@ def _steady(estimator: PoseEstimator, scene: PoseScene, repeats: int) -> float:
     return (time.process_time() - begun) / (repeats * objects)
 
 
-def _shares(catalogue: Catalogue, scene: PoseScene, repeats: int) -> list[Row]:
+def _shares(on: _On) -> list[Row]:
     """What of an estimate goes into looking up what particles show, registering, comparing, and exact renders."""
-    estimator = PoseEstimator(catalogue, filter_config())
-    _steady(estimator, scene, 1)
+    estimator = PoseEstimator(on.catalogue, filter_config(), device=on.device)
+    _steady(estimator, on.scene, 1)
     profile = cProfile.Profile(time.process_time)
     with profile:
-        for k in range(repeats):
-            estimator.estimate_all(scene.frame, _requests(scene, len(scene.instances), 1 + k))
+        for k in range(on.repeats):
+            estimator.estimate_all(on.scene.frame, _requests(on.scene, len(on.scene.instances), 1 + k))
     stats: Any = pstats.Stats(profile)
     seconds = dict.fromkeys(PARTS.values(), 0.0)
     for (path, _, name), (_, _, _, inside, _) in stats.stats.items():
@@ -168,18 +185,21 @@ def _shares(catalogue: Catalogue, scene: PoseScene, repeats: int) -> list[Row]:
     return [{"part": words, "share": round(value / stats.total_tt, 4)} for words, value in seconds.items()]
 
 
-def _renders(catalogue: Catalogue, scene: PoseScene, particles: int, repeats: int) -> list[Row]:
+def _renders(on: _On, particles: int) -> list[Row]:
     """CPU milliseconds a particle, from its pose to its score, and how far the score is from an exact render's.
 
     Half of the particles are those that the paper's filter starts from, half are near the truth. Scores are inliers
     over N. "exact" renders at the observation's own pixels, with ten times the triangles; "alone" renders what the
     atlas does, to the same score, in a picture for each particle; "looked up" renders nothing, as the default filter.
     """
+    scene = on.scene
     own = [one for one in scene.instances if not one.wrong_box]
     instance = max(own or scene.instances, key=lambda one: one.visible_share)
     observation = observe(scene.frame, instance.box)
-    mesh = mesh_arrays(catalogue, instance.label)
-    renderer, alone = DepthRenderer(catalogue), RenderedAnew(*mesh, columns=1)
+    there = observation.to(on.device)
+    mesh = mesh_arrays(on.catalogue, instance.label)
+    anew = functools.partial(RenderedAnew, *mesh, device=on.device)
+    renderer, alone = DepthRenderer(on.catalogue), anew(columns=1)
     p_OM = alone.p_OM
 
     def exact(part: Particles) -> Array:
@@ -188,14 +208,14 @@ def _renders(catalogue: Catalogue, scene: PoseScene, particles: int, repeats: in
 
     def shown(appearance: Appearance, part: Particles) -> Array:
         looks = appearance.show(part)
-        return _score(count(observation, looks.p_CPs, looks.areas, EPSILON), observation)
+        return _score(count(there, looks.p_CPs, looks.areas, EPSILON), observation)
 
     ways: list[tuple[str, int, Callable[[Particles], Array]]] = [
         ("exact", 0, exact),
         ("alone", TILE, functools.partial(shown, alone)),
-        ("looked up", 0, functools.partial(shown, ViewedFromAllSides(*mesh))),
-        *(("tile", size, functools.partial(shown, RenderedAnew(*mesh, tile=size))) for size in TILES),
-        *(("triangles", size, functools.partial(shown, RenderedAnew(*mesh, limit=size))) for size in TRIANGLES),
+        ("looked up", 0, functools.partial(shown, ViewedFromAllSides(*mesh, device=on.device))),
+        *(("tile", size, functools.partial(shown, anew(tile=size))) for size in TILES),
+        *(("triangles", size, functools.partial(shown, anew(limit=size))) for size in TRIANGLES),
     ]
     given = _particles(observation, p_OM, inverse(scene.frame.X_WC) @ instance.X_WO, particles)
     truth = exact(given)
@@ -203,7 +223,7 @@ def _renders(catalogue: Catalogue, scene: PoseScene, particles: int, repeats: in
     for _, _, way in ways:
         way(given[:1])  # what is made once is no part of the cost
     # In turns, and the least of all rounds: what else the machine does falls on some rounds, not on some ways.
-    for _ in range(repeats):
+    for _ in range(on.repeats):
         for row, (_, _, way) in zip(rows, ways, strict=True):
             begun = time.process_time()
             scores = way(given)
@@ -213,7 +233,7 @@ def _renders(catalogue: Catalogue, scene: PoseScene, particles: int, repeats: in
 
 
 def _score(counts: Counts, observation: Observation) -> Array:
-    return np.asarray(paper_likelihood(counts, observation.n))
+    return np.asarray(paper_likelihood(counts, observation.n).cpu())
 
 
 def _particles(observation: Observation, p_OM: Array, X_CO: Array, n: int) -> Particles:
@@ -230,18 +250,18 @@ def _particles(observation: Observation, p_OM: Array, X_CO: Array, n: int) -> Pa
     return Particles(torch.cat([turned, R_COs]), torch.cat([anywhere, near]))
 
 
-def _by_objects(catalogue: Catalogue, scene: PoseScene, counts: Sequence[int], repeats: int) -> list[Row]:
+def _by_objects(on: _On, counts: Sequence[int]) -> list[Row]:
     """Wall seconds for several objects, in one process and in two."""
     rows = []
     for processes in (1, 2):
-        with PoseWorkers(catalogue, filter_config(), processes) as pool:
+        with PoseWorkers(on.catalogue, filter_config(), processes, device=on.device) as pool:
             # As many times as there are processes, so that each is ready for each.
-            pool.warm_all([one.label for one in scene.instances for _ in range(processes)])
+            pool.warm_all([one.label for one in on.scene.instances for _ in range(processes)])
             for objects in counts:
                 walls = []
-                for k in range(repeats):
+                for k in range(on.repeats):
                     begun = time.monotonic()
-                    pool.estimate_all(scene.frame, _requests(scene, objects, 1 + k))
+                    pool.estimate_all(on.scene.frame, _requests(on.scene, objects, 1 + k))
                     walls.append(time.monotonic() - begun)
                 rows.append({"objects": objects, "processes": processes, "wall_s": round(float(np.median(walls)), 4)})
     return rows

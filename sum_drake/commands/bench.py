@@ -44,6 +44,7 @@ def _add_speed(benches: Commands) -> None:
     one.add_argument("--quick", action="store_true", help="fewer particles, each measured once")
     one.add_argument("--seed", type=int, metavar="S", default=0, help="of the scene (default: 0)")
     add_catalogue(one)
+    one.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda")
     one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
     add_quiet(one)
 
@@ -56,10 +57,13 @@ def _bench_speed(options: argparse.Namespace) -> None:
 
     check_free(options.out, FILES, force=options.force, what="bench")
     check_count("--seed", options.seed, least=0)
+    check_device(options.device)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     progress = Counting(quiet=options.quiet)
-    found = bench_speed(options.out, catalogue, quick=options.quick, seed=options.seed, progress=progress)
+    found = bench_speed(
+        options.out, catalogue, quick=options.quick, seed=options.seed, device=options.device, progress=progress
+    )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
 
@@ -83,7 +87,8 @@ def _add_pose(benches: Commands) -> None:
 def _bench_pose(options: argparse.Namespace) -> None:
     from sum_drake.bench.aims import format_figures
     from sum_drake.bench.pose import FILES, bench_pose
-    from sum_drake.bench.pose_figures import AIMS, METHODS
+    from sum_drake.bench.pose_figures import AIMS
+    from sum_drake.bench.pose_methods import METHODS
     from sum_drake.doctor import require_rendering
     from sum_drake.objects import load_catalogue
 
@@ -102,7 +107,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
         quick=options.quick,
         scenes=options.scenes,
         seed=options.seed,
-        methods=options.methods or METHODS,
+        methods=options.methods or tuple(METHODS),
         workers=options.workers,
         device=options.device,
         anew=options.force,
