@@ -121,7 +121,7 @@ def _track(
 ) -> Track:
     """The track (or a new one of that id) after its association with a box and the estimate in it."""
     p_label = dict(detection.p_labels)[label]
-    depth = sunk(label, estimate.X_WO)
+    features = (*estimate.features, ("sunk_m", sunk(label, estimate.X_WO)))
     return Track(
         id=track if isinstance(track, int) else track.id,
         label=label,
@@ -131,11 +131,11 @@ def _track(
         belief=estimate.belief,
         X_WO=estimate.X_WO,
         likelihood=estimate.likelihood,
-        probability=track_probability(detection.p_box, p_label, estimate.likelihood, depth),
+        probability=track_probability(detection.p_box, p_label, estimate.likelihood, dict(features)),
         accepted=False,
         born=observation if isinstance(track, int) else track.born,
         seen=observation,
-        features=(*estimate.features, ("sunk_m", depth)),
+        features=features,
     )
 
 

@@ -113,13 +113,8 @@ def _problem(frame: Frame, one: LabelledBox, catalogue: Catalogue) -> str:
 
 
 def pose_probability(p_box: float, p_label: float, found: PoseEstimate) -> float:
-    """P(the object is there, and within 2 cm and 20 degrees of the estimate), from p(b | z) and p(o | b, z).
-
-    That it is there is told by how much the pose explains; that it is so and not otherwise, by how much of the belief
-    is near.
-    """
-    near_share = dict(found.features)["near_share"]
-    return track_probability(p_box, p_label, found.likelihood) * near_share
+    """P(the object is there, and within 2 cm and 20 degrees of the estimate), from p(b | z) and p(o | b, z)."""
+    return track_probability(p_box, p_label, found.likelihood, dict(found.features))
 
 
 def _estimate(frame: Frame, one: LabelledBox, found: PoseEstimate, threshold: float) -> Estimate:

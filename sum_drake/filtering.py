@@ -59,9 +59,10 @@ class PoseEstimate(Immutable):
     modes: Modes
     """The rival poses that were compared at the end; X_WO alone where the filter compares none."""
     features: tuple[tuple[str, float], ...]
-    """inliers, free_space, occluded, rendered, observed (pixels, of the best pose), effective_sample_size (share of the
-    draws that the belief was made from), translation_std_m, rotation_std_rad, near_share (share of the belief within 2
-    cm and 20 degrees of the estimate), mode_entropy_nats (of the modes' probabilities)."""
+    """Of the best pose: inliers, free_space, occluded, rendered, observed (pixels), close, sides (`likelihood.terms`).
+    Of the belief: effective_sample_size (share of the draws that it was made from), translation_std_m,
+    rotation_std_rad, near_share (share of it within 2 cm and 20 degrees of the estimate), mode_entropy_nats (of the
+    modes' probabilities)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -234,6 +235,7 @@ def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
     order = np.argsort(-p_modes, kind="stable")
     of_terms = terms(counts, found.looked_at)[order].numpy()
     counts = Counts(*(getattr(counts, f.name)[found.chosen : found.chosen + 1] for f in dataclasses.fields(counts)))
+    _, close, _, sides = terms(counts, found.looked_at)[0].tolist()
     value = (paper_likelihood if sought.config.score == "inliers" else confidence)(counts, n)
     X_WOs, X_WO = to_world(found.particles, frame, p_OM), of_modes[found.chosen]
     p = found.weights.double().numpy()
@@ -246,6 +248,8 @@ def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
         "occluded": float(counts.occluded[0]),
         "rendered": float(counts.rendered[0]),
         "observed": float(n),
+        "close": close,
+        "sides": sides,
         "effective_sample_size": found.effective,
         "translation_std_m": float(shift),
         "rotation_std_rad": float(angle),
@@ -275,7 +279,7 @@ def _nothing_seen(
         R_COs = torch.from_numpy(rotation_from_quaternion(rng.normal(size=(n, 4)))).float()
         X_WOs = to_world(Particles(R_COs, p_CMs), frame, model.p_OM)
         best, belief = X_WOs[0], PoseBelief(readonly(X_WOs), readonly(np.full(n, 1.0 / n)))
-    names = ("inliers", "free_space", "occluded", "rendered", "observed", "effective_sample_size")
+    names = ("inliers", "free_space", "occluded", "rendered", "observed", "close", "sides", "effective_sample_size")
     spread = belief.X_WOs[:, :3, 3].std(axis=0)
     features = (
         *((name, 0.0) for name in names),

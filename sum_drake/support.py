@@ -9,7 +9,8 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from sum_drake.types import Array, Box, Frame, Immutable, readonly
+from sum_drake.geometry import apply
+from sum_drake.types import Array, Box, Frame, Immutable, Region, readonly
 
 LEAST_SHARE = 0.3
 """Of the points around the box: fewer make no support."""
@@ -78,3 +79,13 @@ def _around(frame: Frame, box: Box, margin: float) -> Array:
     seen = outside & np.isfinite(z) & (z > 0)
     u, v, z = u[seen], v[seen], z[seen]
     return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
+
+
+def sunk(vertices: Array, X_WO: Array, table: Region) -> float:
+    """How far an object with vertices (v, 3) at X_WO (4, 4) reaches below a table's top, metres.
+
+    Negative: by how much it is above it. Only what is over the table counts; 0 where nothing is.
+    """
+    p_W = apply(X_WO, vertices)
+    over = (np.abs(p_W[:, :2] - table.p_W[:2]) < table.half_extents[:2]).all(axis=1)
+    return float(table.floor_height - p_W[over, 2].min()) if over.any() else 0.0

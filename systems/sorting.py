@@ -15,13 +15,13 @@ from sum_drake.costs import Costs
 from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
-from sum_drake.geometry import apply
 from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
+from sum_drake.support import sunk
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.frame_assembler import FrameAssembler
@@ -65,11 +65,8 @@ def bind_perception(
     # Not the scenario itself: it says what was poured, and from which seed.
     association, acceptance, unique_labels = scenario.association, scenario.acceptance, scenario.unique_labels
 
-    def sunk(label: str, X_WO: Array) -> float:
-        """How far an object over the table reaches below its top."""
-        if np.any(np.abs(X_WO[:2, 3] - table.p_W[:2]) > table.half_extents[:2]):
-            return 0.0
-        return float(table.floor_height - apply(X_WO, np.asarray(catalogue[label].load_mesh().vertices))[:, 2].min())
+    def sunk_by(label: str, X_WO: Array) -> float:
+        return sunk(np.asarray(catalogue[label].load_mesh().vertices), X_WO, table)
 
     def update(
         held: SceneBelief, frame: Frame, detections: Detections, associations: Associations, action: PickPlace | None
@@ -87,7 +84,7 @@ def bind_perception(
                 acceptance=acceptance,
                 unique_labels=unique_labels,
                 seed=seed,
-                sunk=sunk,
+                sunk=sunk_by,
             )
 
     return update

@@ -15,15 +15,9 @@ from sum_drake.assets import MODELS, InputError
 from sum_drake.detection import dataset_scenes
 from sum_drake.detection.arrangement import TABLE, Ground
 from sum_drake.detection.dataset import AnnotatedImage, AnnotatedObject, EncodedImage, scene_entropy
-from sum_drake.detection.dataset_scenes import (
-    _draw_scene,
-    _Part,
-    _Renderer,
-    _Scene,
-    render_encoded,
-    render_scene,
-)
+from sum_drake.detection.dataset_scenes import _draw_scene, _Scene, render_encoded, render_scene
 from sum_drake.detection.looks import draw_look
+from sum_drake.detection.scene_rendering import Part, SceneRenderer, home_state, station_ground, station_parts
 from sum_drake.geometry import apply, inverse
 from sum_drake.look import station_look
 from sum_drake.objects import Catalogue, load_catalogue
@@ -35,9 +29,9 @@ from sum_drake.types import Array, Camera, Frame, readonly
 from sum_drake.visual_mesh import visual_mesh
 
 CAMERA = make_camera(HeadCameraConfig())
-X_WC = robot.camera_pose(dataset_scenes._home_state())
+X_WC = robot.camera_pose(home_state())
 GROUND = Ground(np.array([0.72, 0.0]), np.array([0.3, 0.45]), np.array([0.6, 0.0]), np.array([0.15, 0.2]))
-TOP = _Part(Box(0.6, 0.9, 0.04), RigidTransform([0.72, 0.0, TABLE - 0.02]), Rgba(0.5, 0.4, 0.3, 1.0))
+TOP = Part(Box(0.6, 0.9, 0.04), RigidTransform([0.72, 0.0, TABLE - 0.02]), Rgba(0.5, 0.4, 0.3, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -51,13 +45,13 @@ def standing(catalogue: Catalogue, label: str, x: float, y: float) -> Array:
     return X_WO
 
 
-def scene_of(catalogue: Catalogue, X_WOs: dict[str, Array], *parts: _Part) -> _Scene:
+def scene_of(catalogue: Catalogue, X_WOs: dict[str, Array], *parts: Part) -> _Scene:
     objects = tuple((label, visual_mesh(catalogue[label]), X_WO) for label, X_WO in X_WOs.items())
-    return _Scene(False, False, GROUND, objects, (TOP, *parts), station_look())
+    return _Scene(objects, (TOP, *parts), station_look(), False, False, GROUND)
 
 
 def annotate(catalogue: Catalogue, scene: _Scene, camera: Camera = CAMERA) -> dict[str, AnnotatedObject]:
-    labels = _Renderer(scene).labels(camera, X_WC)
+    labels = SceneRenderer(scene).labels(camera, X_WC)
     return {o.label: o for o in dataset_scenes._annotate(scene, labels, camera, X_WC, catalogue)}
 
 
@@ -86,7 +80,7 @@ def test_what_stands_before_an_object_lowers_its_visible_share_and_shrinks_its_b
     X_WOs = {"sugar": standing(catalogue, "sugar", 0.65, 0.0)}
     whole = annotate(catalogue, scene_of(catalogue, X_WOs))["sugar"]
     # A board that hides the half with y > 0 from this camera, whose x axis is W's -y.
-    board = _Part(Box(0.01, 0.5, 0.6), RigidTransform([0.5, 0.25, TABLE + 0.3]), Rgba(0.2, 0.2, 0.2, 1.0))
+    board = Part(Box(0.01, 0.5, 0.6), RigidTransform([0.5, 0.25, TABLE + 0.3]), Rgba(0.2, 0.2, 0.2, 1.0))
     half = annotate(catalogue, scene_of(catalogue, X_WOs, board))["sugar"]
     assert whole.visible_share > 0.98
     assert half.visible_share == pytest.approx(half.pixels / whole.pixels, abs=0.02)
@@ -109,13 +103,13 @@ def test_what_the_border_cuts_off_counts_as_hidden(catalogue: Catalogue) -> None
 
 def test_what_is_fully_hidden_or_out_of_the_picture_is_not_annotated(catalogue: Catalogue) -> None:
     X_WOs = {"mug": standing(catalogue, "mug", 0.6, 0.0), "tea": standing(catalogue, "tea", 0.6, 3.0)}
-    board = _Part(Box(0.01, 0.5, 1.0), RigidTransform([0.5, 0.0, TABLE + 0.3]), Rgba(0.2, 0.2, 0.2, 1.0))
+    board = Part(Box(0.01, 0.5, 1.0), RigidTransform([0.5, 0.0, TABLE + 0.3]), Rgba(0.2, 0.2, 0.2, 1.0))
     assert annotate(catalogue, scene_of(catalogue, X_WOs, board)) == {}
 
 
 def test_depth_and_camera_agree(catalogue: Catalogue) -> None:
     """The table's top, back-projected, is a plane at its height."""
-    depth = _Renderer(scene_of(catalogue, {})).depth(CAMERA, X_WC)
+    depth = SceneRenderer(scene_of(catalogue, {})).depth(CAMERA, X_WC)
     points = apply(X_WC, back_project(depth, CAMERA).reshape(-1, 3))[depth.reshape(-1) > 0]
     inside = (np.abs(points[:, :2] - GROUND.center) < GROUND.half - 0.02).all(axis=1)
     assert inside.sum() > 50_000
@@ -125,7 +119,7 @@ def test_depth_and_camera_agree(catalogue: Catalogue) -> None:
 def test_every_object_of_the_catalogue_is_drawn_with_its_texture(catalogue: Catalogue) -> None:
     places = [(x, y) for x in (0.48, 0.65, 0.85) for y in (-0.3, -0.15, 0.0, 0.15, 0.3)]
     X_WOs = {label: standing(catalogue, label, *p) for label, p in zip(catalogue.labels, places, strict=True)}
-    renderer = _Renderer(scene_of(catalogue, X_WOs))
+    renderer = SceneRenderer(scene_of(catalogue, X_WOs))
     color, labels = renderer.color(CAMERA, X_WC), renderer.labels(CAMERA, X_WC)
     for i, label in enumerate(catalogue.labels):
         pixels = color[labels == i + 1]
@@ -150,8 +144,8 @@ def test_the_station_is_drawn_as_its_own_camera_sees_it(catalogue: Catalogue) ->
     X = station.GetOutputPort("head_camera.X_WC").Eval(context).GetAsMatrix4()
     np.testing.assert_allclose(X, X_WC, atol=1e-12)
     expected = station.GetOutputPort("head_camera.color_image").Eval(context).data[..., :3]
-    scene = dataclasses.replace(scene_of(catalogue, X_WOs), surroundings=dataset_scenes._station_parts())
-    drawn = np.rint(255 * _Renderer(scene).color(CAMERA, X_WC))
+    scene = dataclasses.replace(scene_of(catalogue, X_WOs), surroundings=station_parts())
+    drawn = np.rint(255 * SceneRenderer(scene).color(CAMERA, X_WC))
     assert np.mean(np.abs(drawn - expected)) < 0.05
 
 
@@ -185,7 +179,7 @@ def test_objects_look_like_themselves_in_every_split(catalogue: Catalogue) -> No
     for shift in (False, True):
         for seed in range(4):
             look = draw_look(np.random.default_rng(seed), np.array([0.7, 0.0, TABLE]), shift=shift)
-            renderer = _Renderer(dataclasses.replace(scene_of(catalogue, X_WOs), look=look))
+            renderer = SceneRenderer(dataclasses.replace(scene_of(catalogue, X_WOs), look=look))
             red, green, blue = renderer.color(small, X_WC)[renderer.labels(small, X_WC) == 1].mean(axis=0)
             assert red > 1.3 * green and red > 1.3 * blue, (shift, seed)
 
@@ -243,7 +237,7 @@ def test_a_catalogue_of_ones_own_needs_neither_obj_nor_simulation_model(tmp_path
 
 @pytest.mark.parametrize("count", [1, 5, 10, 15])
 def test_the_station_of_the_pictures_is_poured_where_a_run_pours(count: int) -> None:
-    config, ground = PouringConfig(), dataset_scenes._station_ground(count)
+    config, ground = PouringConfig(), station_ground(count)
     half_y = np.clip(count * config.area_per_object / (4 * config.half_x), config.half_y_min, config.half_y_max)
     np.testing.assert_allclose(ground.region_center, config.center)
     np.testing.assert_allclose(ground.region_half, [config.half_x, half_y])

@@ -3,13 +3,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sum_drake.support import support_plane
-from sum_drake.types import Camera, Frame, readonly
+from sum_drake.geometry import transform
+from sum_drake.support import sunk, support_plane
+from sum_drake.types import Camera, Frame, Region, readonly
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
 v, u = np.mgrid[:120, :160]
 RAYS = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], -1)
 BOX = (60.0, 40.0, 40.0, 40.0)
+UPRIGHT = np.eye(3)
 
 
 def table(normal, height, noise=0.001, seed=0):
@@ -53,3 +55,17 @@ def test_nothing_around_is_no_table():
     assert find(np.zeros(u.shape)) is None
     assert find(table([0, -0.5, -1], 0.8), (900.0, 900.0, 10.0, 10.0)) is None
     assert find(table([0, -0.5, -1], 0.8), (0.0, 0.0, 0.0, 0.0)) is None
+
+
+def test_what_hangs_over_the_tables_edge_is_not_sunk_into_it():
+    top = Region("table", readonly([0.0, 0.0, 1.0]), readonly([0.5, 0.5, 0.2]))
+    corners = 0.05 * np.stack(np.meshgrid(*3 * [[-1.0, 1.0]]), -1).reshape(-1, 3)
+
+    def at(x: float, z: float, R_WO: np.ndarray = UPRIGHT) -> float:
+        return sunk(corners, transform(R_WO, np.array([x, 0.0, z])), top)
+
+    assert at(0.0, 0.82) == pytest.approx(0.03)
+    assert at(0.0, 0.92) == pytest.approx(-0.07)
+    tilted = np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])  # its lowest corners have the largest x
+    assert at(0.5, 0.85, tilted) < at(0.3, 0.85, tilted)
+    assert at(2.0, 0.0) == 0.0

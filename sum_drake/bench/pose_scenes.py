@@ -70,7 +70,7 @@ def pose_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int) -> Pose
     rng = np.random.default_rng([derive(seed, "pose scene")])
     labels = [catalogue.labels[i] for i in rng.permutation(len(catalogue))[: int(rng.integers(5, 11))]]
     X_WOs = _pour(catalogue, labels, rng)
-    camera, X_WC = make_camera(HeadCameraConfig()), _viewpoint(rng)
+    camera, X_WC = make_camera(HeadCameraConfig()), viewpoint(rng)
     depth, owner, alone = _compose(renderer, X_WOs, camera, X_WC)
     sensor = "structured_light" if seed % 2 == 0 else "stereo" if seed < FIRST_SCENE else "wide_stereo"
     noisy = add_depth_noise(depth, camera, rng, SENSORS[sensor])
@@ -100,7 +100,7 @@ def _pour(catalogue: Catalogue, labels: list[str], rng: np.random.Generator) -> 
     return {label: X_WO for label, X_WO in zip(labels, found, strict=True) if X_WO is not None}
 
 
-def _viewpoint(rng: np.random.Generator) -> Array:
+def viewpoint(rng: np.random.Generator) -> Array:
     """X_WC of a camera that looks at the table's middle from the robot's side, at the height of a head."""
     azimuth, elevation = rng.uniform(-0.9, 0.9) + np.pi, np.radians(rng.uniform(30, 65))
     backward = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])

@@ -5,11 +5,12 @@ no matter: here a second or so is simulated, with point contact and long steps, 
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Box, Convex, Sphere
 from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     CoulombFriction,
@@ -68,6 +69,26 @@ def pour(
 
     duration, step: seconds. Not everything is at rest then. A pour that Drake cannot step through is tossed instead.
     """
+    try:
+        return settle(bodies, _layers(bodies, ground, rng), ground, duration=duration, step=step)
+    except RuntimeError:
+        return toss(bodies, ground, rng)
+
+
+def settle(
+    bodies: Sequence[Body],
+    X_WOs: Sequence[Array],
+    ground: Ground,
+    *,
+    velocities: Mapping[int, Array] | None = None,
+    duration: float = 1.2,
+    step: float = 0.006,
+) -> list[Array | None]:
+    """Where bodies are that were let go at X_WOs (4, 4) each: X_WO (4, 4), or None for what fell off the table.
+
+    velocities: (6,) of some bodies, by index, of turning and of moving, in W; the others start at rest. duration, step:
+    seconds. Raises RuntimeError where Drake cannot step through it.
+    """
     builder = DiagramBuilder()
     config = MultibodyPlantConfig(time_step=step, contact_model="point", discrete_contact_approximation="lagged")
     plant, _ = AddMultibodyPlant(config, builder)
@@ -92,19 +113,21 @@ def pour(
     plant.Finalize()
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    for link, X_WO in zip(links, _layers(bodies, ground, rng), strict=True):
+    for link, X_WO in zip(links, X_WOs, strict=True):
         plant.SetFloatingBaseBodyPoseInWorldFrame(context, link, RigidTransform(X_WO))
+    for i, V_WO in (velocities or {}).items():
+        plant.SetFreeBodySpatialVelocity(context, links[i], SpatialVelocity(V_WO))
     try:
         simulator.AdvanceTo(duration)
-    except (RuntimeError, SystemExit):  # the latter is how a failed DRAKE_DEMAND reaches Python
-        return toss(bodies, ground, rng)
-    X_WOs = [plant.EvalBodyPoseInWorld(context, link).GetAsMatrix4() for link in links]
-    if not np.isfinite(X_WOs).all():
-        return toss(bodies, ground, rng)
+    except SystemExit as error:  # how a failed DRAKE_DEMAND reaches Python
+        raise RuntimeError(str(error)) from error
+    found = [plant.EvalBodyPoseInWorld(context, link).GetAsMatrix4() for link in links]
+    if not np.isfinite(found).all():
+        raise RuntimeError("a body's pose is not finite")
     centers = [
-        (X_WO @ [*(b.points.min(0) + b.points.max(0)) / 2, 1])[:3] for X_WO, b in zip(X_WOs, bodies, strict=True)
+        (X_WO @ [*(b.points.min(0) + b.points.max(0)) / 2, 1])[:3] for X_WO, b in zip(found, bodies, strict=True)
     ]
-    return [readonly(X_WO) if ground.holds(p) else None for X_WO, p in zip(X_WOs, centers, strict=True)]
+    return [readonly(X_WO) if ground.holds(p) else None for X_WO, p in zip(found, centers, strict=True)]
 
 
 def toss(bodies: Sequence[Body], ground: Ground, rng: np.random.Generator, *, tries: int = 30) -> list[Array | None]:

@@ -25,36 +25,16 @@ import dataclasses
 import functools
 import threading
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import (
     Box,
-    ClippingRange,
-    ColorRenderCamera,
-    DepthRange,
-    DepthRenderCamera,
-    GeometryInstance,
-    MakeRenderEngineVtk,
-    Mesh,
-    PerceptionProperties,
-    RenderCameraCore,
-    RenderEngineVtkParams,
-    RenderLabel,
     Rgba,
-    Role,
-    SceneGraph,
-    Shape,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import LoadModelDirectives, ProcessModelDirectives
-from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from sum_drake import robot
-from sum_drake.assets import MODELS
 from sum_drake.detection.arrangement import TABLE, Body, Ground, pour, toss
 from sum_drake.detection.dataset import (
     AnnotatedImage,
@@ -63,23 +43,29 @@ from sum_drake.detection.dataset import (
     encode_depth,
     scene_entropy,
 )
-from sum_drake.detection.developing import Picture, develop, jpeg
+from sum_drake.detection.developing import develop, jpeg
 from sum_drake.detection.distractors import box, drake_mesh, draw_distractor
 from sum_drake.detection.looks import direction, draw_look
+from sum_drake.detection.scene_rendering import (
+    SENSOR,
+    Part,
+    SceneRenderer,
+    ShownScene,
+    body_of,
+    home_state,
+    station_ground,
+    station_parts,
+)
 from sum_drake.detection.textures import draw_color, draw_texture
 from sum_drake.geometry import inverse, rotation_from_vector, transform
 from sum_drake.look import station_look
 from sum_drake.objects import Catalogue, ObjectModel
-from sum_drake.parsing import make_parser
 from sum_drake.rendering import DepthRenderer
-from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, add_depth_noise
+from sum_drake.sensor import DepthNoiseConfig, add_depth_noise
 from sum_drake.types import Array, Camera
 from sum_drake.visual_mesh import visual_mesh
 
 WIDTH, HEIGHT = 640, 480
-SENSOR = HeadCameraConfig()
-NOT_OURS = RenderLabel(10_000)
-"""In the label image: whatever is no object of the catalogue."""
 MAX_OBJECTS = 15
 TABLE_CENTER = (0.7, 0.0)
 """Of tables other than the station's: x and y in W, metres."""
@@ -98,14 +84,14 @@ def render_encoded(catalogue: Catalogue, split: str, seed: int, index: int, view
     """The same as bytes, as they are written to disk."""
     entropy = scene_entropy(seed, split, index)
     scene = _draw_scene(catalogue, np.random.default_rng([*entropy, 0]), shift=split == "shift")
-    renderer = _Renderer(scene)
+    renderer = SceneRenderer(scene)
     return [_take(scene, renderer, catalogue, np.random.default_rng([*entropy, 1 + view])) for view in range(views)]
 
 
 def render_empty_station(catalogue: Catalogue, seed: int, views: int) -> list[AnnotatedImage]:
     """Pictures of the station in its own light with nothing on its table."""
-    scene = _Scene(True, True, _station_ground(1), (), _station_parts(), station_look())
-    renderer = _Renderer(scene)
+    scene = _Scene((), station_parts(), station_look(), True, True, station_ground(1))
+    renderer = SceneRenderer(scene)
     taken = [_take(scene, renderer, catalogue, np.random.default_rng([seed, view])) for view in range(views)]
     return [image.decode(f"empty/{view}") for view, image in enumerate(taken)]
 
@@ -114,26 +100,13 @@ def render_empty_station(catalogue: Catalogue, seed: int, views: int) -> list[An
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Part:
-    """Something to be drawn that is no object of the catalogue."""
-
-    shape: Shape
-    X_WG: RigidTransform
-    color: Rgba | None = None
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Scene:
+class _Scene(ShownScene):
     """All that the views of a scene share."""
 
     station: bool
     own_light: bool
     """Whether it is the station in its own light, whose pictures need no developing."""
     ground: Ground
-    objects: tuple[tuple[str, Mesh, Array], ...]
-    """Label, mesh, X_WO (4, 4)."""
-    surroundings: tuple[_Part, ...]
-    look: RenderEngineVtkParams
 
 
 def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) -> _Scene:
@@ -145,9 +118,9 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
         others = 0
     shapes = [draw_distractor(rng, shift=shift) for _ in range(others)]
     textures = [draw_texture(rng, shift=shift) for _ in range(others)]
-    bodies = [_body(catalogue[label]) for label in labels]
+    bodies = [body_of(catalogue[label]) for label in labels]
     bodies += [Body(float(rng.uniform(0.1, 0.6)), (shape.vertices,)) for shape in shapes]
-    ground = _station_ground(len(bodies)) if kind == "station" else _draw_ground(len(bodies), str(kind), rng)
+    ground = station_ground(len(bodies)) if kind == "station" else _draw_ground(len(bodies), str(kind), rng)
     order = rng.permutation(len(bodies))
     arrange = toss if kind == "tossed" else pour
     found = arrange([bodies[i] for i in order], ground, rng)
@@ -157,29 +130,18 @@ def _draw_scene(catalogue: Catalogue, rng: np.random.Generator, *, shift: bool) 
         (label, visual_mesh(catalogue[label]), X_WO) for i, label in enumerate(labels) if (X_WO := X_WOs[i]) is not None
     )
     parts = [
-        _Part(drake_mesh(shape, texture), RigidTransform(X_WO))
+        Part(drake_mesh(shape, texture), RigidTransform(X_WO))
         for i, (shape, texture) in enumerate(zip(shapes, textures, strict=True), len(labels))
         if (X_WO := X_WOs[i]) is not None
     ]
     if kind == "station":
-        parts += _station_parts()
+        parts += station_parts()
         own_light = bool(rng.random() < 0.5)  # There the detector will work.
     else:
         parts += _draw_room(ground, rng, shift=shift)
         own_light = False
     look = station_look() if own_light else draw_look(rng, np.array([*TABLE_CENTER, TABLE]), shift=shift)
-    return _Scene(kind == "station", own_light, ground, objects, tuple(parts), look)
-
-
-def _body(model: ObjectModel) -> Body:
-    mass = model.mass if model.mass is not None else 400.0 * float(np.prod(model.dimensions))
-    return Body(mass, tuple(np.asarray(piece.vertices) for piece in model.load_collision()))
-
-
-def _station_ground(count: int) -> Ground:
-    """The station's table, and the region that its own pour aims at (`systems/pouring.py`)."""
-    half_y = float(np.clip(count * 0.016 / 0.6, 0.13, 0.36))
-    return Ground(np.array([0.72, 0.0]), np.array([0.30, 0.45]), np.array([0.60, 0.0]), np.array([0.15, half_y]))
+    return _Scene(objects, tuple(parts), look, kind == "station", own_light, ground)
 
 
 def _draw_ground(count: int, kind: str, rng: np.random.Generator) -> Ground:
@@ -190,15 +152,15 @@ def _draw_ground(count: int, kind: str, rng: np.random.Generator) -> Ground:
     return Ground(center, half, center + rng.uniform(-1, 1, 2) * 0.5 * (half - 0.05 - region), region)
 
 
-def _draw_room(ground: Ground, rng: np.random.Generator, *, shift: bool) -> list[_Part]:
+def _draw_room(ground: Ground, rng: np.random.Generator, *, shift: bool) -> list[Part]:
     """A table with a textured top, on legs or on a cabinet, a floor, and now and then walls."""
 
-    def plain(size: ArrayLike, p: ArrayLike) -> _Part:
-        return _Part(Box(np.array(size)), RigidTransform(np.array(p)), Rgba(*draw_color(rng), 1.0))
+    def plain(size: ArrayLike, p: ArrayLike) -> Part:
+        return Part(Box(np.array(size)), RigidTransform(np.array(p)), Rgba(*draw_color(rng), 1.0))
 
-    def textured(size: ArrayLike, p: ArrayLike) -> _Part:
+    def textured(size: ArrayLike, p: ArrayLike) -> Part:
         texture = draw_texture(rng, shift=shift, size=512)
-        return _Part(drake_mesh(box(*np.array(size)), texture), RigidTransform(np.array(p)))
+        return Part(drake_mesh(box(*np.array(size)), texture), RigidTransform(np.array(p)))
 
     (cx, cy), (hx, hy) = ground.center, ground.half
     thick = rng.uniform(0.02, 0.06)
@@ -222,82 +184,7 @@ def _draw_room(ground: Ground, rng: np.random.Generator, *, shift: bool) -> list
     return parts
 
 
-@functools.cache
-def _station_parts() -> tuple[_Part, ...]:
-    """The station's table, bins, floor and robot, which waits where it looks from."""
-    plant, graph = AddMultibodyPlant(MultibodyPlantConfig(time_step=0.004), DiagramBuilder())
-    directives = LoadModelDirectives(str(MODELS / "scenes" / "sorting.dmd.yaml"))
-    ProcessModelDirectives(directives, make_parser(plant))
-    home = robot.desired_state(robot.VIEW, robot.HAND.gap_max)[: len(robot.JOINTS)]
-    for joint, position in zip(robot.JOINTS, home, strict=True):
-        plant.GetJointByName(joint.name).set_default_positions([position])
-    plant.Finalize()
-    context, inspector = plant.CreateDefaultContext(), graph.model_inspector()
-    parts = []
-    for geometry in inspector.GetAllGeometryIds(Role.kPerception):
-        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
-        X_WG = plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(geometry)
-        properties = inspector.GetPerceptionProperties(geometry)
-        color = properties.GetProperty("phong", "diffuse") if properties.HasProperty("phong", "diffuse") else None
-        parts.append(_Part(inspector.GetShape(geometry), X_WG, color))
-    return tuple(parts)
-
-
-# --- rendering -------------------------------------------------------------------------------------------------------
-
-
-def _render_graph(scene: _Scene) -> tuple[SceneGraph, Any]:
-    """A SceneGraph that holds the scene, object i with render label i + 1, and its context."""
-    graph = SceneGraph()
-    graph.AddRenderer("vtk", MakeRenderEngineVtk(scene.look))
-    source = graph.RegisterSource("scene")
-
-    def register(name: str, shape: Shape, X_WG: RigidTransform, label: RenderLabel, color: Rgba | None) -> None:
-        geometry = GeometryInstance(X_WG, shape, name)
-        properties = PerceptionProperties()
-        properties.AddProperty("label", "id", label)
-        if color is not None:
-            properties.AddProperty("phong", "diffuse", color)
-        geometry.set_perception_properties(properties)
-        graph.RegisterAnchoredGeometry(source, geometry)
-
-    for i, (label, mesh, X_WO) in enumerate(scene.objects):
-        register(label, mesh, RigidTransform(X_WO), RenderLabel(i + 1), None)
-    for i, part in enumerate(scene.surroundings):
-        register(f"part{i}", part.shape, part.X_WG, NOT_OURS, part.color)
-    return graph, graph.CreateDefaultContext()
-
-
-class _Renderer:
-    """Pictures of one scene, by an engine of its own."""
-
-    def __init__(self, scene: _Scene) -> None:
-        self._graph, self._context = _render_graph(scene)
-        self._query = self._graph.get_query_output_port().Eval(self._context)
-
-    def depth(self, camera: Camera, X_WC: Array) -> Array:
-        """Perfect z-depth (h, w) within the sensor's range, 0 beyond."""
-        drake = DepthRenderCamera(self._core(camera), DepthRange(0.05, SENSOR.depth_max))
-        image = self._query.RenderDepthImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data[..., 0]
-        return np.where(np.isfinite(image), image, 0.0)
-
-    def color(self, camera: Camera, X_WC: Array) -> Picture:
-        drake = ColorRenderCamera(self._core(camera), False)
-        image = self._query.RenderColorImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data
-        return np.asarray(image[..., :3] / np.float32(255), dtype=np.float32)
-
-    def labels(self, camera: Camera, X_WC: Array) -> NDArray[np.int16]:
-        drake = ColorRenderCamera(self._core(camera), False)
-        image = self._query.RenderLabelImage(drake, SceneGraph.world_frame_id(), RigidTransform(X_WC)).data
-        return np.array(image[..., 0])
-
-    def _core(self, camera: Camera) -> RenderCameraCore:
-        # RenderEngineVtk puts the centre of pixel i at i + .5.
-        info = CameraInfo(camera.width, camera.height, camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5)
-        return RenderCameraCore("vtk", info, ClippingRange(0.05, 10.0), RigidTransform())
-
-
-def _take(scene: _Scene, renderer: _Renderer, catalogue: Catalogue, rng: np.random.Generator) -> EncodedImage:
+def _take(scene: _Scene, renderer: SceneRenderer, catalogue: Catalogue, rng: np.random.Generator) -> EncodedImage:
     """One view: a camera, what it sees, and what is on it."""
     for _ in range(10):
         camera, X_WC = _draw_camera(scene, rng)
@@ -320,7 +207,7 @@ def _draw_camera(scene: _Scene, rng: np.random.Generator) -> tuple[Camera, Array
     head = rng.random() < (0.6 if scene.station else 0.2)
     f = SENSOR.focal_length
     if head:
-        X_WC = robot.camera_pose(_home_state())
+        X_WC = robot.camera_pose(home_state())
         away = rng.choice([0.0, 1.0], p=[0.4, 0.6]) if scene.station else 2.0
         p = X_WC[:3, 3] + away * rng.normal(0, 0.03, 3)
         R = X_WC[:3, :3] @ rotation_from_vector(away * rng.normal(0, 0.03, 3))
@@ -332,14 +219,6 @@ def _draw_camera(scene: _Scene, rng: np.random.Generator) -> tuple[Camera, Array
         X_WC = _looking(middle + rng.uniform(0.6, 1.4) * backward, middle, rng.normal(0, 0.08))
         f *= rng.uniform(0.85, 1.25)
     return Camera(WIDTH, HEIGHT, f, f, (WIDTH - 1) / 2, (HEIGHT - 1) / 2), X_WC
-
-
-def _home_state() -> Array:
-    """The measured state (24,) of a robot that waits at VIEW."""
-    order = {joint.name: i for i, joint in enumerate(robot.JOINTS)}
-    desired = robot.desired_state(robot.VIEW, robot.HAND.gap_max)
-    positions = [desired[order[joint.name]] for joint in robot.STATE_JOINTS]
-    return np.concatenate([positions, np.zeros(len(positions))])
 
 
 def _looking(p_WC: Array, p_WT: Array, roll: float) -> Array:
