@@ -96,7 +96,7 @@ def figures(p: Array, right: Array) -> dict[str, Any]:
 def main() -> None:
     """Gathers (resuming from --rows), fits, prints and writes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tables", type=int, default=200, metavar="N", help="(default: 200)")
+    parser.add_argument("--tables", type=int, default=300, metavar="N", help="(default: 300)")
     parser.add_argument("--rows", type=Path, default=Path("existence_rows.jsonl"), help="hypotheses, kept as they come")
     options = parser.parse_args()
     torch.set_num_threads(1)

@@ -15,8 +15,8 @@ EVIDENCE = ("detector", "likelihood", "close", "contradicted", "sides", "spread"
 """What speaks for and against a hypothesis, see `evidence`."""
 SIGNS = (1, 1, 1, -1, -1, -1, -1, -1)
 """Which way each may count, whatever is learned."""
-INTERCEPT = -8.42
-WEIGHTS = (0.35, 2.62, 5.39, -6.4, -0.34, -1.22, -0.66, -6.33)
+INTERCEPT = -7.37
+WEIGHTS = (0.38, 2.48, 4.28, -9.59, -0.44, -1.1, -0.66, -3.89)
 MISS_RATE = 0.1
 """Share of observations in which a detector misses what is there."""
 
