@@ -21,6 +21,7 @@ from sum_drake.detection.simulated import SimulatedDetectorConfig, simulate_dete
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
+from sum_drake.modes import RIGHT
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer
 from sum_drake.seeds import derive
@@ -38,8 +39,6 @@ from sum_drake.types import (
 )
 
 ERRORS = SimulatedDetectorConfig(wrong_label_rate=0.25, false_boxes=1.5)
-RIGHT_M, RIGHT_RAD = 0.02, np.radians(20.0)
-"""An estimate within these of its object is right."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +74,7 @@ def setting(seed: int) -> Setting:
 class Watcher:
     """Perception as the sorting robot's, without a robot: sees a table, look after look, and believes.
 
-    estimator: by whether it knows the true meshes. catalogue: the true meshes.
+    catalogue: the true meshes, by which it is told how far an estimate reaches below the table.
     """
 
     def __init__(
@@ -131,7 +130,7 @@ def is_right(track: Track, table: Table, catalogue: Catalogue) -> bool:
     if X_WO is None:
         return False
     shift, angle = pose_error(track.X_WO, X_WO, catalogue[track.label].symmetry)
-    return bool(shift < RIGHT_M and angle < RIGHT_RAD)
+    return bool(shift < RIGHT[0] and angle < np.radians(RIGHT[1]))
 
 
 @dataclasses.dataclass(frozen=True)
