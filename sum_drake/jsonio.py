@@ -52,6 +52,8 @@ def decode(kind: Any, data: Any) -> Any:
     if origin is tuple:
         items = args[:1] * len(data) if args[1:] == (Ellipsis,) else args
         return tuple(decode(item, entry) for item, entry in zip(items, data, strict=True))
+    if origin is list:
+        return [decode(args[0], entry) for entry in data]
     if origin in (types.UnionType, typing.Union):
         return None if data is None else decode(next(arg for arg in args if arg is not type(None)), data)
     if kind is float:

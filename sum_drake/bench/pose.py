@@ -6,25 +6,21 @@ is done is kept in rows.jsonl as it grows: called again with the same settings, 
 
 import dataclasses
 import functools
-import hashlib
-import json
-import multiprocessing
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sum_drake.appearance import Appearances
-from sum_drake.assets import InputError, one_line
+from sum_drake.assets import InputError
 from sum_drake.bench.pose_figures import PoseRow, errors, figures
 from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, filter_configs
 from sum_drake.bench.pose_report import report_page
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
 from sum_drake.bench.results import write_results
+from sum_drake.bench.resumed import Progress, RowLog, code_and_meshes, run_tasks
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
 from sum_drake.filtering import PoseEstimator
@@ -32,7 +28,6 @@ from sum_drake.objects import Catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
 from sum_drake.rendering import DepthRenderer
 from sum_drake.types import Array
-from sum_drake.workers import ignore_interrupts, one_thread_each
 
 FILES = ("results.json", "report.html", "rows.jsonl")
 SCENES, QUICK_SCENES = 40, 4
@@ -40,7 +35,6 @@ SEEDS, QUICK_SEEDS = 2, 1
 """Estimates of each instance, from seeds of their own."""
 WRONG = 1e3
 """Errors of a method that gives no estimate, metres and degrees."""
-Progress = Callable[[str, int, int], None]
 
 
 def bench_pose(
@@ -69,40 +63,26 @@ def bench_pose(
         raise InputError(f"method '{unknown[0]}' is unknown; expected some of {', '.join(known)}")
     if any(name.startswith("fpfh") for name in methods):
         FpfhEstimator(catalogue, FpfhConfig()).warm(catalogue.labels[0])  # refused here rather than in a worker
-    settings = {
-        "quick": quick,
-        "seed": seed,
-        "device": device,
-        "catalogue": catalogue.path.name,
-        "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
-        "code": _digest(sorted(Path(__file__).parents[1].rglob("*.py"))),
-    }
+    settings = {"quick": quick, "seed": seed, "device": device} | code_and_meshes(catalogue)
     count = scenes or (QUICK_SCENES if quick else SCENES)
     seeds = range(FIRST_SCENE + 100 * seed, FIRST_SCENE + 100 * seed + count)
     if anew:
         for name in FILES:
             (out / name).unlink(missing_ok=True)
-    log = _Log(out, settings)
-    wanted = [(scene, method) for scene in seeds for method in methods]
-    tasks = [task for task in wanted if task not in log.done]
+    log = RowLog(out, settings, list[PoseRow])
+    tasks = [(scene, method) for scene in seeds for method in methods]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
         told = other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
-        measure = functools.partial(_measure, QUICK_SEEDS if quick else SEEDS)
-        progress("measuring", len(wanted) - len(tasks), len(wanted))
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, context, _start_worker, (catalogue, told, device)) as pool:
-            with one_thread_each():
-                futures = {pool.submit(measure, *task): task for task in tasks}
-            try:
-                for future in as_completed(futures):
-                    log.add(*futures[future], future.result())
-                    progress("measuring", sum(task in log.done for task in wanted), len(wanted))
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                for process in multiprocessing.active_children():
-                    process.terminate()  # what they are at takes minutes, and is lost either way
-                raise
-        rows = [row for row in log.rows if (row.scene, row.method) in wanted]
+        done = run_tasks(
+            tasks,
+            log,
+            functools.partial(_measure, QUICK_SEEDS if quick else SEEDS),
+            workers=workers,
+            begin=_start_worker,
+            arguments=(catalogue, told, device),
+            progress=progress,
+        )
+        rows = [row for rows in done for row in rows]
         rows.sort(key=lambda row: (known.index(row.method), row.scene, row.label, row.seed))
         found = figures(rows)
         html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue)
@@ -121,55 +101,6 @@ def bench_pose(
 
 def _scene_again(catalogue: Catalogue, seed: int) -> PoseScene:
     return pose_scene(catalogue, DepthRenderer(catalogue, faces=20_000), seed)
-
-
-def _digest(files: Sequence[Path]) -> str:
-    return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
-
-
-def _other(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
-    """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
-    words = {"code": "another version of the program", "meshes": "other meshes"}
-    keys = [key for key in settings if begun.get(key) != settings[key]]
-    return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
-
-
-class _Log:
-    """rows.jsonl: settings in the first line, then one line for each scene and method that are done."""
-
-    def __init__(self, out: Path, settings: Mapping[str, Any]) -> None:
-        self._path = out / "rows.jsonl"
-        self.rows: list[PoseRow] = []
-        self.done: set[tuple[int, str]] = set()
-        out.mkdir(parents=True, exist_ok=True)
-        text = self._path.read_text() if self._path.is_file() else ""
-        if not text.endswith("\n"):  # cut off while it was written
-            text = text[: text.rfind("\n") + 1]
-            write_whole(self._path, text)
-        lines = text.splitlines()
-        if not lines:
-            self._path.write_text(json.dumps(settings) + "\n")
-            return
-        try:
-            other = _other(json.loads(lines[0]), settings)
-            if other:
-                raise InputError(f"{self._path}: is of {other}; expected a new --out, or --force")
-            for line in lines[1:]:
-                entry = json.loads(line)
-                self._keep(entry["scene"], entry["method"], [PoseRow(**row) for row in entry["rows"]])
-        except (json.JSONDecodeError, KeyError, TypeError) as error:
-            raise InputError(f"{self._path}: {one_line(error)}; expected rows of this bench, or a new --out") from error
-
-    def add(self, scene: int, method: str, rows: list[PoseRow]) -> None:
-        """What was measured of a scene by a method."""
-        entry = {"scene": scene, "method": method, "rows": [dataclasses.asdict(row) for row in rows]}
-        with self._path.open("a") as file:
-            file.write(json.dumps(entry) + "\n")
-        self._keep(scene, method, rows)
-
-    def _keep(self, scene: int, method: str, rows: list[PoseRow]) -> None:
-        self.rows += rows
-        self.done.add((scene, method))
 
 
 # Measuring, in processes of their own.
@@ -242,11 +173,7 @@ _worker: _Worker
 
 
 def _start_worker(catalogue: Catalogue, told: Catalogue, device: str) -> None:
-    import torch
-
     global _worker
-    ignore_interrupts()
-    torch.set_num_threads(1)
     _worker = _Worker(catalogue, told, device)
 
 

@@ -1,0 +1,119 @@
+"""Tasks of a bench, done in processes of their own and kept in rows.jsonl as they are done: called again with the same
+settings, a bench goes on where it was cut off.
+"""
+
+import functools
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from sum_drake.assets import InputError, one_line
+from sum_drake.files import write_whole
+from sum_drake.jsonio import decode, encode
+from sum_drake.objects import Catalogue
+from sum_drake.workers import ignore_interrupts, one_thread_each
+
+Task = tuple[str | int, ...]
+"""What tells a task from others."""
+Progress = Callable[[str, int, int], None]
+Result = TypeVar("Result")
+
+
+def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
+    """Settings that tell versions of the program and of the objects apart."""
+    return {
+        "catalogue": catalogue.path.name,
+        "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
+        "code": _digest(sorted(Path(__file__).parents[1].rglob("*.py"))),
+    }
+
+
+def _digest(files: Sequence[Path]) -> str:
+    return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
+
+
+def _other(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+    """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
+    words = {"code": "another version of the program", "meshes": "other meshes"}
+    keys = [key for key in settings if begun.get(key) != settings[key]]
+    return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
+
+
+class RowLog(Generic[Result]):
+    """rows.jsonl: settings in the first line, then one line for each task that is done.
+
+    kind: the type of a task's result, which `jsonio.encode` can write. Raises InputError for a file of other settings
+    or another shape; a last line that was cut off while it was written is dropped.
+    """
+
+    def __init__(self, out: Path, settings: Mapping[str, Any], kind: type[Result]) -> None:
+        self._path = out / "rows.jsonl"
+        self.done: dict[Task, Result] = {}
+        out.mkdir(parents=True, exist_ok=True)
+        text = self._path.read_text() if self._path.is_file() else ""
+        if not text.endswith("\n"):
+            text = text[: text.rfind("\n") + 1]
+            write_whole(self._path, text)
+        lines = text.splitlines()
+        if not lines:
+            self._path.write_text(json.dumps(settings) + "\n")
+            return
+        try:
+            other = _other(json.loads(lines[0]), settings)
+            if other:
+                raise InputError(f"{self._path}: is of {other}; expected a new --out, or --force")
+            for line in lines[1:]:
+                entry = json.loads(line)
+                self.done[tuple(entry["task"])] = decode(kind, entry["result"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{self._path}: {one_line(error)}; expected rows of this bench, or a new --out") from error
+
+    def add(self, task: Task, result: Result) -> None:
+        """What came of a task."""
+        with self._path.open("a") as file:
+            file.write(json.dumps({"task": task, "result": encode(result)}) + "\n")
+        self.done[task] = result
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    log: RowLog[Result],
+    measure: Callable[..., Result],
+    *,
+    workers: int,
+    begin: Callable[..., None],
+    arguments: tuple[Any, ...],
+    progress: Progress,
+) -> list[Result]:
+    """Results of `measure(*task)` in the order of the tasks; only what is not in the log is done.
+
+    begin: called with the arguments in each process before its first task. All three must pickle.
+    """
+    left = [task for task in tasks if task not in log.done]
+    progress("measuring", len(tasks) - len(left), len(tasks))
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, functools.partial(_begin, begin), arguments) as pool:
+        with one_thread_each():
+            futures = {pool.submit(measure, *task): task for task in left}
+        try:
+            for future in as_completed(futures):
+                log.add(futures[future], future.result())
+                progress("measuring", sum(task in log.done for task in tasks), len(tasks))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in multiprocessing.active_children():
+                process.terminate()  # what they are at takes minutes, and is lost either way
+            raise
+    return [log.done[task] for task in tasks]
+
+
+def _begin(begin: Callable[..., None], *arguments: Any) -> None:
+    import torch
+
+    ignore_interrupts()
+    torch.set_num_threads(1)
+    begin(*arguments)

@@ -1,0 +1,43 @@
+"""What a bench has done is kept as it is done, and read again."""
+
+import dataclasses
+
+import pytest
+
+from sum_drake.assets import InputError
+from sum_drake.bench.resumed import RowLog
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    name: str
+    value: float
+
+
+def log(folder, **settings):
+    return RowLog(folder, {"seed": 0} | settings, list[Row])
+
+
+def test_results_are_there_again_and_a_line_that_was_cut_off_is_not(tmp_path):
+    first = log(tmp_path)
+    first.add(("a", 1), [Row("x", 0.1), Row("y", float("nan"))])
+    first.add(("b",), [])
+    with (tmp_path / "rows.jsonl").open("a") as file:
+        file.write('{"task": ["c"], "res')
+    again = log(tmp_path)
+    assert set(again.done) == {("a", 1), ("b",)}
+    assert again.done["a", 1][0] == Row("x", 0.1)
+    again.add(("c",), [Row("z", 1.0)])
+    assert set(log(tmp_path).done) == {("a", 1), ("b",), ("c",)}
+
+
+def test_rows_of_other_settings_or_of_another_shape_are_refused_and_stay(tmp_path):
+    log(tmp_path).add(("a",), [Row("x", 0.1)])
+    before = (tmp_path / "rows.jsonl").read_text()
+    with pytest.raises(InputError, match="is of seed 0 and not 1; expected a new --out, or --force"):
+        log(tmp_path, seed=1)
+    assert (tmp_path / "rows.jsonl").read_text() == before
+    for broken in (before.replace("value", "worth"), before.replace('"x"', "3"), before + "nonsense\n"):
+        (tmp_path / "rows.jsonl").write_text(broken)
+        with pytest.raises(InputError, match="expected rows of this bench"):
+            log(tmp_path)
