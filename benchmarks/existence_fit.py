@@ -20,8 +20,9 @@ import torch
 from scipy.optimize import minimize
 
 from sum_drake import existence
-from sum_drake.bench.hypotheses import Judged, Tables
+from sum_drake.bench.hypotheses import Judged, first_look
 from sum_drake.bench.pose_scenes import other_meshes
+from sum_drake.bench.watching import Tables, setting
 from sum_drake.detection.inference import load_detector
 from sum_drake.existence import EVIDENCE, SIGNS, evidence
 from sum_drake.files import write_whole
@@ -44,7 +45,7 @@ def gather(tables: int, rows: Path) -> list[Judged]:
     with tempfile.TemporaryDirectory() as folder:
         looks = Tables(catalogue, other_meshes(catalogue, Path(folder), 0), detector, filter_config())
         for seed in range(len(done), tables):
-            done.append([dataclasses.asdict(one) for one in looks.first_look(seed)])
+            done.append([dataclasses.asdict(one) for one in first_look(looks, setting(seed)).judged])
             with rows.open("a") as file:
                 file.write(json.dumps(done[-1]) + "\n")
             print(f"table {seed + 1} of {tables}: {sum(map(len, done))} hypotheses", file=sys.stderr, flush=True)

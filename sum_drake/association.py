@@ -1,12 +1,13 @@
 """Which detection feeds which track: greedy matching after Sui et al. 2017, eq. 11."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sum_drake.geometry import iou
-from sum_drake.types import Array, Association, Detection, Track
+from sum_drake.rendering import predicted_box
+from sum_drake.types import Array, Association, Box, Detection, Frame, PickPlace, Track
 
 
 @dataclasses.dataclass
@@ -18,20 +19,46 @@ class AssociationConfig:
     spawn_threshold: float = 0.05
     """Least p(b | z) p(o | b, z) of an unmatched (box, label) for a new track."""
     max_missed: int = 2
-    """K: a track ends after this many observations in a row without an association."""
+    """K: a track that is not accepted ends after this many observations in a row without an association."""
+    max_tracks: int = 60
+    """The most that are followed at a time: the surest detections spawn first, until there is no room."""
 
 
-def matching_scores(tracks: Sequence[Track], detections: Sequence[Detection]) -> tuple[Array, list[tuple[int, str]]]:
+def expected_boxes(
+    tracks: Sequence[Track], action: PickPlace | None, frame: Frame, vertices: Callable[[str], Array]
+) -> list[list[Box]]:
+    """Boxes in which each track may be seen now: where its estimate is, and where the action was to put its target.
+
+    vertices: (v, 3) of a label's mesh. What is out of the picture has no box.
+    """
+    found = []
+    for track in tracks:
+        X_WOs = [track.X_WO]
+        if action is not None and action.track == track.id and action.released:
+            X_WOs.append(action.X_WO_place)
+        boxes = [predicted_box(vertices(track.label), X_WO, frame) for X_WO in X_WOs]
+        found.append([box for box in boxes if min(box[2:]) > 0])
+    return found
+
+
+def matching_scores(
+    tracks: Sequence[Track], detections: Sequence[Detection], expected: Sequence[Sequence[Box]] | None = None
+) -> tuple[Array, list[tuple[int, str]]]:
     """s = IoU(b_{t-1}, b_t) p(b_t | z) p(o | b_t, z) of every track with every (detection, label), eq. 11.
+
+    The overlap is the largest with the box before, as published, and with those that are expected of each track.
 
     Returns scores (tracks, pairs), 0 where the labels differ, and the pairs (detection index, label). A box appears
     once for each of its labels, so that rivals for one object are matched, and contest it, side by side.
     """
     pairs = [(d, label) for d, detection in enumerate(detections) for label, _ in detection.p_labels]
-    overlaps = iou([track.box for track in tracks], [detection.box for detection in detections])
+    boxes = [detection.box for detection in detections]
+    overlaps = iou([track.box for track in tracks], boxes)
+    for i, own in enumerate(expected or ()):
+        overlaps[i] = np.max([overlaps[i], *iou(list(own), boxes)], axis=0)
     scores = np.zeros((len(tracks), len(pairs)))
     for j, (d, label) in enumerate(pairs):
-        confidence = detections[d].p_box * dict(detections[d].p_labels)[label]
+        confidence = _confidence(detections[d], label)
         for i, track in enumerate(tracks):
             if track.label == label:
                 scores[i, j] = overlaps[i, d] * confidence
@@ -53,18 +80,26 @@ def greedy_matches(scores: Array, threshold: float) -> list[tuple[int, int]]:
 
 
 def associate(
-    tracks: Sequence[Track], detections: Sequence[Detection], config: AssociationConfig
+    tracks: Sequence[Track],
+    detections: Sequence[Detection],
+    config: AssociationConfig,
+    expected: Sequence[Sequence[Box]] | None = None,
 ) -> tuple[Association, ...]:
     """Associations in the order of the detections and their labels; a `track` of None spawns a new one."""
-    scores, pairs = matching_scores(tracks, detections)
+    scores, pairs = matching_scores(tracks, detections, expected)
     matched = {j: (tracks[i].id, float(scores[i, j])) for i, j in greedy_matches(scores, config.match_threshold)}
-    associations = []
-    for j, (d, label) in enumerate(pairs):
-        if j in matched:
-            track, score = matched[j]
-            associations.append(Association(d, label, track, score))
-            continue
-        confidence = detections[d].p_box * dict(detections[d].p_labels)[label]
-        if confidence >= config.spawn_threshold:
-            associations.append(Association(d, label, None, confidence))
-    return tuple(associations)
+    unmatched = [(j, _confidence(detections[d], label)) for j, (d, label) in enumerate(pairs) if j not in matched]
+    wanted = [(j, confidence) for j, confidence in unmatched if confidence >= config.spawn_threshold]
+    surest = sorted(wanted, key=lambda one: (-one[1], one[0]))[: max(config.max_tracks - len(tracks), 0)]
+    spawned = dict(surest)
+    return tuple(
+        Association(d, label, *(matched[j] if j in matched else (None, spawned[j])))
+        for j, (d, label) in enumerate(pairs)
+        if j in matched or j in spawned
+    )
+
+
+def _confidence(detection: Detection, label: str) -> float:
+    """p(b | z) p(o | b, z); 0 for one that is no number."""
+    confidence = detection.p_box * dict(detection.p_labels)[label]
+    return confidence if np.isfinite(confidence) else 0.0

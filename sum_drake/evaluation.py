@@ -26,7 +26,7 @@ from sum_drake.geometry import iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.rendering import predicted_box
 from sum_drake.summary_schema import SCHEMA, TIMING
-from sum_drake.types import LEAVE, Array, Attempt, Box, Frame, Immutable, Perception, Region, Track
+from sum_drake.types import LEAVE, Array, Attempt, Believed, Box, Frame, Immutable, Perception, Region, Track
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -111,6 +111,9 @@ def score_observation(perception: Perception, truth: Truth, catalogue: "Catalogu
         "true_tracks_accepted": sum(is_true and accepted for is_true, accepted in verdicts),
         "false_detections": _false_detections(perception, truth, catalogue),
         "poses": poses,
+        "gone": [
+            {"track": gone.track, "label": gone.label, "reason": gone.reason} for gone in perception.posterior.gone
+        ],
     }
 
 
@@ -145,13 +148,15 @@ def _false_detections(perception: Perception, truth: Truth, catalogue: "Catalogu
 
 
 def _tracks_fed(perception: Perception) -> dict[int, list[int]]:
-    """Index of a detection -> ids of the tracks it feeds; new ones are numbered in the order of the associations."""
-    fed: dict[int, list[int]] = {}
-    next_id = perception.prior.next_id
-    for pair in perception.associations:
-        fed.setdefault(pair.detection, []).append(next_id if pair.track is None else pair.track)
-        next_id += pair.track is None
-    return fed
+    """Index of a detection -> ids of the tracks that it fed.
+
+    Not of those it was associated with: a track may turn out to be elsewhere than in its box, which then feeds another.
+    """
+    seen = [track for track in perception.posterior.tracks if track.seen == perception.posterior.observation]
+    return {
+        index: [t.id for t in seen if t.box == detection.box and t.label in dict(detection.p_labels)]
+        for index, detection in enumerate(perception.detections)
+    }
 
 
 def _stands_for_an_object(track: Track, frame: Frame, truth: Truth, catalogue: "Catalogue") -> bool:
@@ -188,6 +193,7 @@ def score_attempts(
     regions: Mapping[str, Region],
     goal: Mapping[str, str],
     slips: Sequence[float | None],
+    believed: Sequence[Believed | None] = (),
 ) -> list[dict[str, Any]]:
     """The rows of `attempts` in summary.json.
 
@@ -197,11 +203,15 @@ def score_attempts(
         regions: by name; "table" among them.
         goal: label -> region name, or "leave".
         slips: for each attempt how far the object moved in the hand, metres; None where it was not carried.
+        believed: of what was done before each observation, `SceneBelief.believed`.
     """
-    return [
-        _score_attempt(attempt, truths[attempt.step], truths[attempt.step + 1], regions, goal, slip)
-        for attempt, slip in zip(attempts, slips, strict=True)
-    ]
+    rows = []
+    for attempt, slip in zip(attempts, slips, strict=True):
+        row = _score_attempt(attempt, truths[attempt.step], truths[attempt.step + 1], regions, goal, slip)
+        after = believed[attempt.step + 1] if attempt.step + 1 < len(believed) else None
+        known = after is not None and attempt.action is not None and after.track == attempt.track
+        rows.append(row | {"believed": dict(after.outcomes) if after is not None and known else None})
+    return rows
 
 
 def _score_attempt(
@@ -214,7 +224,7 @@ def _score_attempt(
 ) -> dict[str, Any]:
     was = {label: where_is(X_WO, regions) for label, X_WO in before.X_WOs}
     now = {label: where_is(X_WO, regions) for label, X_WO in after.X_WOs}
-    left = [label for label in was if now[label] != was[label]]
+    left = [label for label in was if label in now and now[label] != was[label]]
     taken = _taken(attempt, left, now) if attempt.action is not None else None
     return {
         "step": attempt.step,
@@ -286,6 +296,7 @@ def summary(
     digest: str,
     versions: Mapping[str, str],
     device: str,
+    faults: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """summary.json as plain data.
 
@@ -294,6 +305,7 @@ def summary(
         final: true poses at the end; goal: label -> region name or "leave".
         observations, attempts: rows of `score_observation` and `score_attempts`.
         timing: perception_cpu_s, planning_cpu_s, simulation_cpu_s, wall_s, sim_time_s; missing ones become null.
+        faults: rows of `faults.score_faults`.
     """
     now = {label: where_is(X_WO, regions) for label, X_WO in final.X_WOs}
     wanted = [label for label in now if goal.get(label, LEAVE) != LEAVE]
@@ -310,6 +322,7 @@ def summary(
         "objects_missorted": len(missorted),
         "missorted_by": {"perception": len(by_perception), "manipulation": len(missorted) - len(by_perception)},
         "completion_ratio": len(in_place) / len(wanted) if wanted else 1.0,
+        "faults": list(faults),
         "objects": [
             {"label": label, "goal": goal.get(label, LEAVE), "place": now[label], "p_W": X_WO[:3, 3].tolist()}
             for label, X_WO in final.X_WOs

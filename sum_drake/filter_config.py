@@ -44,6 +44,13 @@ class FilterConfig:
     """At the start, when there is a prior to go on from."""
     tracking_iterations: int = 3
     """The same for iterations."""
+    tracking_candidates: int = 8
+    """The same for candidates, if there are any."""
+    tracking_loss: float = 0.1
+    """A tracked estimate whose likelihood is smaller than before by more is sought from scratch as well: the object may
+    have moved."""
+    prior_trust: float = 0.9
+    """Of a prior, the share that counts in the posterior; the rest says that the object may be anywhere."""
     epsilon_first: float = 0.0084
     """Inlier distance of the first iteration, under a perfect sensor; falls geometrically."""
     epsilon: float = 0.0043
@@ -74,6 +81,12 @@ class FilterConfig:
     """sigma2 of eq. 10."""
     sigma_other: float = 0.01
     """sigma3 of eq. 10."""
+    w_slipped: float = 0.05
+    """Share of a target's particles that lie about where it was: it slipped out of the hand. Not in the paper."""
+    w_dropped: float = 0.05
+    """Share of them on the way to the place, turned anyhow. Not in the paper."""
+    w_swept: float = 0.2
+    """Share of another object's particles, if it lies on the hand's way, that were swept aside. Not in the paper."""
     radians_per_metre: float = 10.0
     """Rotation noise of the action model per metre of sigma, which the paper leaves open: .04 m go with .4 rad."""
 
@@ -126,5 +139,8 @@ def filter_config(name: str = "default") -> FilterConfig:
             noise_rotation=0.1,
             effective_share=0.0,
             candidates=0,
+            w_slipped=0.0,
+            w_dropped=0.0,
+            w_swept=0.0,
         )
     raise InputError(f"filter: {name!r} is unknown; expected one of {', '.join(FILTERS)}")

@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
 
+ABOUT = 0.04, 30.0
+"""Metres and degrees about a mode within which a prior speaks for it: a few times what an untouched object moves."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class PoseEstimate(Immutable):
     """What the filter makes of one box and label."""
@@ -75,6 +79,8 @@ class PoseRequest:
     """Of this request's own, so that it does not matter what is estimated before it or where."""
     prior: PoseBelief | None = None
     """What is believed of the object, moved by the action model; None: nothing."""
+    likelihood: float = 0.0
+    """Of the estimate before, in [0, 1], if there is a prior."""
 
 
 class PoseEstimator:
@@ -119,7 +125,10 @@ class PoseEstimator:
 
     def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
         """`estimate` for each request, in their order."""
-        return [self.estimate(frame, one.box, one.label, rng=one.rng, prior=one.prior) for one in requests]
+        return [
+            self.estimate(frame, one.box, one.label, rng=one.rng, prior=one.prior, before=one.likelihood)
+            for one in requests
+        ]
 
     def estimate(
         self,
@@ -129,12 +138,15 @@ class PoseEstimator:
         *,
         rng: np.random.Generator,
         prior: PoseBelief | None = None,
+        before: float = 0.0,
     ) -> PoseEstimate:
         """The pose belief of an object `label` in `box`, world frame.
 
         Without a prior the search starts from the box. A prior, already moved by the action model (`predict`), is
         refined in a few iterations, among them a share of fresh particles, so that a prior which the box contradicts
-        is given up. A box without a valid observation gives likelihood 0 and the prior, or a wide belief.
+        is given up. Where that explains the box less well than the object was explained before (likelihood `before`),
+        it is searched from scratch as well, and the likelier counts. A box without a valid observation gives
+        likelihood 0 and the prior, or a wide belief.
 
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
@@ -154,16 +166,36 @@ class PoseEstimator:
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
         sought = Sought(observation, model, self._catalogue[label].symmetry, config)
         if prior is None:
-            particles, scores = search(sought, start(sought, config.particles, rng), config.iterations, 0.0, rng)
-        else:
-            held = resampled(to_camera(prior, frame, model.p_OM), prior.weights, config.tracking_particles, rng)
-            fresh = start(sought, int(config.fresh * config.tracking_particles), rng)
-            particles = join(held[len(fresh) :], fresh)
-            # Tracking starts half-way down the schedule of noise: the prior is near, or else of no use.
-            particles, scores = search(sought, particles, config.tracking_iterations, 0.5, rng)
-        if config.candidates == 0:
-            return _told(frame, sought, self._as_published(sought, label, particles, scores))
-        return _told(frame, sought, self._among_rivals(sought, label, particles, scores, rng))
+            particles = start(sought, config.particles, rng)
+            return _told(frame, sought, self._search(sought, label, particles, config.iterations, 0.0, rng))
+        held = resampled(to_camera(prior, frame, model.p_OM), prior.weights, config.tracking_particles, rng)
+        fresh = start(sought, int(config.fresh * config.tracking_particles), rng)
+        particles = join(held[len(fresh) :], fresh)
+        # Tracking starts half-way down the schedule of noise: the prior is near, or else of no use.
+        few = dataclasses.replace(config, candidates=min(config.candidates, config.tracking_candidates))
+        again = dataclasses.replace(sought, config=few)
+        tracked = self._search(again, label, particles, config.tracking_iterations, 0.5, rng, held)
+        if config.candidates == 0 or tracked.likelihood(config) >= before - config.tracking_loss:
+            return _told(frame, sought, tracked)
+        particles = start(sought, config.particles, rng)
+        found = self._search(sought, label, particles, config.iterations, 0.0, rng, held)
+        return _told(frame, sought, max(tracked, found, key=lambda one: one.best))
+
+    def _search(
+        self,
+        sought: Sought,
+        label: str,
+        particles: Particles,
+        iterations: int,
+        begin: float,
+        rng: np.random.Generator,
+        held: Particles | None = None,
+    ) -> "_Outcome":
+        """What a search that starts with particles comes to. held: particles of the prior, if there is one."""
+        particles, scores = search(sought, particles, iterations, begin, rng)
+        if sought.config.candidates == 0:
+            return self._as_published(sought, label, particles, scores)
+        return self._among_rivals(sought, label, particles, scores, rng, held)
 
     def _as_published(self, sought: Sought, label: str, particles: Particles, scores: Tensor) -> "_Outcome":
         """The weighted particles are the belief, the most likely one is the estimate."""
@@ -174,9 +206,15 @@ class PoseEstimator:
         return _Outcome(particles, weights, effective, best, torch.ones(1), 0, counts, looked_at)
 
     def _among_rivals(
-        self, sought: Sought, label: str, particles: Particles, scores: Tensor, rng: np.random.Generator
+        self,
+        sought: Sought,
+        label: str,
+        particles: Particles,
+        scores: Tensor,
+        rng: np.random.Generator,
+        held: Particles | None,
     ) -> "_Outcome":
-        """Rivals are compared by exact renders, and the belief is drawn anew about them.
+        """Rivals are compared by exact renders and by the prior, and the belief is drawn anew about them.
 
         Registration makes an optimiser of the filter, whose particles say nothing of how sure it is.
         """
@@ -184,7 +222,10 @@ class PoseEstimator:
         modes = rivals(sought, particles, scores)
         looked_at = thinned(sought.observation).to("cpu")
         counts = self._exact(looked_at, label, sought.model, modes)
-        shares = torch.softmax(BELIEF * log_likelihood(counts, looked_at, sought.weights).double(), 0)
+        logs = BELIEF * log_likelihood(counts, looked_at, sought.weights).double()
+        if held is not None:
+            logs = logs + torch.log(1 - config.prior_trust + config.prior_trust * _held_near(sought, modes, held))
+        shares = torch.softmax(logs, 0)
         chosen = int(expected_hits(poses(modes, sought.model.p_OM), shares.numpy(), sought.symmetry).argmax())
         particles, effective = sample_posterior(
             lambda drawn: BELIEF * score(sought, drawn, sought.epsilon(), soft=False),
@@ -208,6 +249,13 @@ class PoseEstimator:
         return Counts(*(torch.cat([getattr(row, f.name) for row in rows]) for f in dataclasses.fields(Counts)))
 
 
+def _held_near(sought: Sought, modes: Particles, held: Particles) -> Tensor:
+    """(m,): share of a prior's particles about each mode."""
+    X_COs, p_OM = poses(held, sought.model.p_OM), sought.model.p_OM
+    even = np.full(len(X_COs), 1 / len(X_COs))
+    return torch.tensor([near_share(X_CO, X_COs, even, sought.symmetry, ABOUT) for X_CO in poses(modes, p_OM)])
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Outcome:
     """What a search came to."""
@@ -227,6 +275,22 @@ class _Outcome:
     looked_at: Observation
     """What the counts are of."""
 
+    @property
+    def of_chosen(self) -> Counts:
+        """Counts of the estimate, (1,)."""
+        fields = dataclasses.fields(self.counts)
+        return Counts(*(getattr(self.counts, f.name)[self.chosen : self.chosen + 1] for f in fields))
+
+    @property
+    def best(self) -> float:
+        """Log-likelihood of the estimate, to be compared with that of another search in the same observation."""
+        return float(log_likelihood(self.of_chosen, self.looked_at)[0])
+
+    def likelihood(self, config: FilterConfig) -> float:
+        """Of the estimate, in [0, 1]."""
+        told = paper_likelihood if config.score == "inliers" else confidence
+        return float(np.clip(float(told(self.of_chosen, self.looked_at.n)[0]), 0.0, 1.0))
+
 
 def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
     """The same in the world frame, and what it says of itself."""
@@ -234,9 +298,8 @@ def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
     of_modes, p_modes = to_world(found.modes, frame, p_OM), found.shares.double().numpy()
     order = np.argsort(-p_modes, kind="stable")
     of_terms = terms(counts, found.looked_at)[order].numpy()
-    counts = Counts(*(getattr(counts, f.name)[found.chosen : found.chosen + 1] for f in dataclasses.fields(counts)))
+    counts = found.of_chosen
     _, close, _, sides = terms(counts, found.looked_at)[0].tolist()
-    value = (paper_likelihood if sought.config.score == "inliers" else confidence)(counts, n)
     X_WOs, X_WO = to_world(found.particles, frame, p_OM), of_modes[found.chosen]
     p = found.weights.double().numpy()
     p = p / p.sum()
@@ -259,7 +322,7 @@ def _told(frame: Frame, sought: Sought, found: _Outcome) -> PoseEstimate:
     return PoseEstimate(
         PoseBelief(readonly(X_WOs), readonly(p)),
         readonly(X_WO),
-        float(np.clip(float(value[0]), 0.0, 1.0)),
+        found.likelihood(sought.config),
         Modes(readonly(of_modes[order]), readonly(p_modes[order]), readonly(of_terms)),
         tuple(features.items()),
     )

@@ -10,7 +10,9 @@ import numpy as np
 
 from sum_drake import page
 from sum_drake.assets import InputError, one_line
+from sum_drake.belief import ENDS
 from sum_drake.drawing import draw_depth, draw_perception, label_color, verdict
+from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
 from sum_drake.jsonio import encode
 from sum_drake.runlog_reader import RunRecord, read_what_there_is
@@ -116,6 +118,8 @@ def _page(run: _Run, catalogue: "Catalogue") -> str:
     parts = [_header(run), *(f'<p class="problem">{page.text(problem)}</p>' for problem in run.problems)]
     if run.summary is not None:
         parts += [_figures(run.summary), "<h2>Objects</h2>", _object_table(run.summary["objects"], catalogue)]
+    if run.summary is not None and run.summary.get("faults"):
+        parts += ["<h2>Faults</h2>", _fault_table(run.summary["faults"], catalogue)]
     if attempts:
         parts += ["<h2>Attempts</h2>", _attempt_table(attempts, catalogue)]
     if run.perceptions:
@@ -162,6 +166,25 @@ def _object_table(objects: Sequence[Mapping[str, Any]], catalogue: "Catalogue") 
     return page.table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
 
 
+def _fault_table(faults: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
+    rows = []
+    for row in faults:
+        after = row["dealt_with_after"]
+        looks = "" if after is None else _count(after, "look")
+        kind = "plain" if not row["happened"] else "bad" if after is None else "good"
+        rows.append(
+            [
+                str(row["observation"]),
+                page.text(row["kind"].replace("_", " ")),
+                page.text(KINDS.get(row["kind"], "")),
+                "" if row["object"] is None else _name(row["object"], catalogue),
+                looks,
+                page.chip(row["belief"], kind),
+            ]
+        )
+    return page.table(["look", "fault", "what happens", "object", "dealt with after", "what the belief says"], rows)
+
+
 _OUTCOME_KINDS = {"sorted": "good", "infeasible": "plain", None: "plain"}
 
 
@@ -180,11 +203,19 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
                 page.text(row["region"]),
                 page.chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
                 page.text(row["reason"].replace("_", " ") + knocked),
+                page.text(_believed(row.get("believed"))),
                 f"{row['grasp_candidates']} <small>dropped: {page.text(causes)}</small>",
                 _millimetres(row["slip_m"]),
             ]
         )
-    return page.table(["after look", "object", "to", "outcome", "reason", "grasp candidates", "slip"], rows)
+    heads = ["after look", "object", "to", "outcome", "reason", "believed afterwards", "grasp candidates", "slip"]
+    return page.table(heads, rows)
+
+
+def _believed(outcomes: Mapping[str, float] | None) -> str:
+    """What the belief made of an attempt: its likeliest outcomes."""
+    likely = sorted((outcomes or {}).items(), key=lambda item: -item[1])
+    return ", ".join(f"{name} {share:.2f}" for name, share in likely[:2] if share >= 0.05)
 
 
 _LEGEND = (
@@ -207,8 +238,15 @@ def _observation(
         f"<p>{page.text(_observed(perception, score))}</p>"
         f'<div class="pictures">{picture}{depth}</div>'
         f"{_track_table(perception.posterior, score, catalogue)}"
+        f"{_ended(perception.posterior)}"
         f"<p>{page.text(done_next)}</p></section>"
     )
+
+
+def _ended(belief: SceneBelief) -> str:
+    """The tracks that a look ended, and why."""
+    words = [f"track {gone.track}, {gone.label}: {ENDS.get(gone.reason, gone.reason)}" for gone in belief.gone]
+    return f"<p>Ended: {page.text('; '.join(words))}.</p>" if words else ""
 
 
 def _observed(perception: Perception, score: Mapping[str, Any] | None) -> str:

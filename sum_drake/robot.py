@@ -134,6 +134,14 @@ def finger_gap(state: Array) -> float:
     return float(np.sum(state[first : first + len(FINGERS)]))
 
 
+def squeeze(effort: Array) -> float:
+    """Force with which the drives close the fingers, newtons, from the station's measured effort (12,).
+
+    A hand that has closed on something pushes with all it has; one that has closed on nothing has arrived.
+    """
+    return float(-np.mean(effort[len(JOINTS) - len(FINGERS) :]))
+
+
 def camera_pose(state: Array) -> Array:
     """X_BC (4, 4) of the head camera on the robot's base from the station's measured state (24,)."""
     X_BC = np.eye(4)

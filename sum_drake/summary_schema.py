@@ -60,6 +60,16 @@ _FALSE_DETECTION = {
     "accepted_as": str | None,
 }
 """A row of an observation's `false_detections`, which summaries written before there was a detector do without."""
+_GONE = {"track": int, "label": str, "reason": str}
+"""A row of an observation's `gone`, which older summaries do without, as they do without `faults`."""
+_FAULT = {
+    "kind": str,
+    "observation": int,
+    "object": str | None,
+    "happened": bool,
+    "dealt_with_after": int | None,
+    "belief": str,
+}
 _ATTEMPT = {
     "step": int,
     "track": int,
@@ -111,7 +121,11 @@ def validate_summary(data: Any) -> None:
         for j, detection in enumerate(row.get("false_detections", [])):
             if detection["fate"] not in FATES:
                 raise InputError(f"{where}[{j}].fate: {detection['fate']!r}; expected one of {', '.join(FATES)}")
+        _check(row.get("gone", []), [_GONE], f"summary.observations[{i}].gone")
+    _check(data.get("faults", []), [_FAULT], "summary.faults")
     for i, row in enumerate(data["attempts"]):
+        believed = row.get("believed")
+        _check({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")
         if row["outcome"] not in OUTCOMES:
             raise InputError(
                 f"summary.attempts[{i}].outcome: {row['outcome']!r}; expected one of {', '.join(OUTCOMES)}"

@@ -25,6 +25,12 @@ POLICIES: dict[str, Callable[[Track], float]] = {
 """Which accepted object is tried first: the one with the largest value. most_likely: p(x) of eq. 3, as in the paper."""
 
 
+SHOWN = 0.5
+"""Share of the table that must be seen with depth before it counts as clear."""
+LIKELY = 0.5
+"""An unseen object that is at least as probable may be there."""
+
+
 @dataclasses.dataclass
 class TaskConfig:
     """Choices of the task that are not geometry."""
@@ -117,15 +123,27 @@ class SortingTask:
         unexplained_W = points_W
         for track in believed:
             unexplained_W = _not_of(unexplained_W, self._catalogue[track.label], track.X_WO)
-        if not wanted and len(unexplained_W) < self._config.clear_points:
+        shown = table_shown(perception.frame, self._regions["table"])
+        unseen = [track for track in perception.posterior.tracks if track.seen < perception.step]
+        hidden = [track.label for track in unseen if self._may_be_hidden(track, believed)]
+        if not wanted and not hidden and shown >= SHOWN and len(unexplained_W) < self._config.clear_points:
             return Stop("cleared", ())
         if looks + 1 < self._config.max_looks:
             return Look(tuple(refused))
         if refused:
             reasons = ", ".join(f"{a.label} {a.reason}" for a in refused)
             return Stop(f"stopped: no object can be attempted ({reasons})", tuple(refused))
+        if shown < SHOWN:
+            return Stop(f"stopped: the camera shows depth of {100 * shown:.0f} % of the table", ())
         count = len(unexplained_W)
-        return Stop(f"stopped: {count} depth points stand on the table but no object is believed there", ())
+        if count >= self._config.clear_points:
+            return Stop(f"stopped: {count} depth points stand on the table but no object is believed there", ())
+        return Stop(f"stopped: {', '.join(hidden)} is believed to be there but cannot be seen", ())
+
+    def _may_be_hidden(self, track: Track, believed: Sequence[Track]) -> bool:
+        """Whether an object that was not detected, and is not accepted, may be there all the same."""
+        rivals = any(track.label == other.label for other in believed)
+        return not track.accepted and track.probability >= LIKELY and not rivals and not self._is_in_place(track)
 
     def _is_in_place(self, track: Track) -> bool:
         """Whether nothing needs to be done with an object: it is to be left alone, or lies where it belongs."""
@@ -221,6 +239,19 @@ def standing_points(frame: Frame, table: Region, height: float) -> Array:
     over = np.all(np.abs(p_WQ[:, :2] - table.p_W[:2]) < table.half_extents[:2], axis=1)
     between = (p_WQ[:, 2] > table.floor_height + height) & (p_WQ[:, 2] < table.rim_height)
     return np.asarray(p_WQ[over & between])
+
+
+def table_shown(frame: Frame, table: Region) -> float:
+    """Share of the table's top, as far as it lies in the picture, at which there is depth; 0 where none of it does."""
+    x, y = np.meshgrid(*(np.linspace(-0.95, 0.95, 24),) * 2)
+    spots = np.stack([x, y, np.full_like(x, -1.0)], -1).reshape(-1, 3)
+    p_CQ = apply(inverse(frame.X_WC), table.p_W + table.half_extents * spots)
+    camera = frame.camera
+    z = np.maximum(p_CQ[:, 2], 1e-6)
+    u = np.round(camera.fx * p_CQ[:, 0] / z + camera.cx).astype(int)
+    v = np.round(camera.fy * p_CQ[:, 1] / z + camera.cy).astype(int)
+    inside = (p_CQ[:, 2] > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    return float(np.mean(frame.depth[v[inside], u[inside]] > 0)) if inside.any() else 0.0
 
 
 def thin(points: Array, count: int) -> Array:

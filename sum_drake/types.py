@@ -119,6 +119,43 @@ class Track(Immutable):
     """Observation it was last associated in."""
     features: tuple[tuple[str, float], ...] = ()
     """Named figures of the last pose estimate: inliers, free space, effective sample size ..."""
+    uncontended: float | None = None
+    """The probability by its own evidence, rivals aside, which the next look goes on from; None: as `probability`."""
+    missed: int = 0
+    """Looks in a row that could see it, and did not detect it."""
+
+    @property
+    def own_probability(self) -> float:
+        """`uncontended`, or `probability` where nothing contends."""
+        return self.probability if self.uncontended is None else self.uncontended
+
+
+@dataclasses.dataclass(frozen=True)
+class Gone(Immutable):
+    """A track that ended, and why."""
+
+    track: int
+    label: str
+    observation: int
+    """That ended it."""
+    reason: str
+    """One of `belief.ENDS`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Believed(Immutable):
+    """What is believed of the last action, by what the hand felt and what was seen afterwards."""
+
+    step: int
+    track: int
+    label: str
+    outcomes: tuple[tuple[str, float], ...]
+    """Probabilities of `action_model.OUTCOMES`."""
+
+    @property
+    def outcome(self) -> str:
+        """The likeliest."""
+        return max(self.outcomes, key=lambda pair: pair[1])[0]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -128,6 +165,10 @@ class SceneBelief(Immutable):
     observation: int = -1
     tracks: tuple[Track, ...] = ()
     next_id: int = 0
+    gone: tuple[Gone, ...] = ()
+    """Tracks that this observation ended."""
+    believed: Believed | None = None
+    """Of the action before this observation; None where nothing was done."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +211,14 @@ class PickPlace(Immutable):
     """The same just before the release; equals gap_lift when the pick was given up."""
     released: bool
     """Whether the hand was opened at the place, rather than given up after the lift."""
+    squeeze_lift: float | None = None
+    """Force with which the fingers were driven together after the lift, newtons; None: not measured."""
+    squeeze_place: float | None = None
+    """The same just before the release; that after the lift when the pick was given up."""
+    held_lift: bool | None = None
+    """Whether the robot took that for an object in its hand; None: not told."""
+    held_place: bool | None = None
+    """The same just before the release."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,11 +1,13 @@
 """Detections and held belief in, associations out."""
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from sum_drake.association import AssociationConfig, associate
-from sum_drake.systems.ports import abstract
-from sum_drake.types import Associations, Detections, SceneBelief
+from sum_drake.association import AssociationConfig, associate, expected_boxes
+from sum_drake.objects import Catalogue
+from sum_drake.systems.ports import abstract, unpack
+from sum_drake.types import Array, Associations, Detections, Frame, PickPlace, SceneBelief
 
 
 class DataAssociator(LeafSystem):
@@ -16,25 +18,38 @@ class DataAssociator(LeafSystem):
         name: DataAssociator
         input_ports:
         - detections
+        - frame
         - scene_belief
+        - executed_action
         output_ports:
         - associations
+
+    The frame is for its camera alone: tracks are expected where their estimates are, and where the action put them.
     """
 
-    def __init__(self, *, config: AssociationConfig) -> None:
+    def __init__(self, *, catalogue: Catalogue, config: AssociationConfig) -> None:
         super().__init__()
-        self._config = config
+        self._catalogue, self._config = catalogue, config
         self._detections = self.DeclareAbstractInputPort("detections", abstract())
+        self._frame = self.DeclareAbstractInputPort("frame", abstract())
         self._belief = self.DeclareAbstractInputPort("scene_belief", abstract())
+        self._action = self.DeclareAbstractInputPort("executed_action", abstract())
+        inputs = self._detections, self._frame, self._belief, self._action
         self.DeclareAbstractOutputPort(
             "associations",
             abstract,
             self._calc_associations,
-            prerequisites_of_calc={self._detections.ticket(), self._belief.ticket()},
+            prerequisites_of_calc={port.ticket() for port in inputs},
         )
 
     def _calc_associations(self, context: Context, output: Value[object]) -> None:
         detections: Detections = self._detections.Eval(context)
+        frame: Frame = self._frame.Eval(context)
         held: SceneBelief = self._belief.Eval(context)
-        pairs = associate(held.tracks, detections.boxes, self._config)
+        action: PickPlace | None = unpack(self._action.Eval(context))
+        expected = expected_boxes(held.tracks, action, frame, self._vertices)
+        pairs = associate(held.tracks, detections.boxes, self._config, expected)
         output.set_value(Associations(detections.observation, pairs))
+
+    def _vertices(self, label: str) -> Array:
+        return np.asarray(self._catalogue[label].load_mesh().vertices)

@@ -11,10 +11,13 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from sum_drake.assets import one_line
 from sum_drake.costs import Costs
+from sum_drake.faults import HandAct, absent_labels
 from sum_drake.filter_config import filter_config
 from sum_drake.objects import Catalogue
 from sum_drake.pose_workers import PoseWorkers
 from sum_drake.runlog import RunLogWriter
+from sum_drake.seeds import derive
+from sum_drake.systems.outside_hand import OutsideHand, waiting_place
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.referee import TruthSample
 from sum_drake.systems.scenario import Scenario
@@ -42,6 +45,14 @@ class Episode:
     """CPU seconds of pouring, perception, planning and simulation."""
     wall_s: float
     sim_time_s: float
+    absent: tuple[str, ...] = ()
+    """Of the scenario's faults, `faults.absent_labels`."""
+    acts: tuple[HandAct, ...] = ()
+    """What somebody's hand did."""
+
+
+HAND_DELAY = 0.3
+"""After an observation, before a hand does something: the robot has made up its mind, seconds."""
 
 
 def run(
@@ -72,22 +83,48 @@ def run(
         progress("pouring", 0.0, 0.0)
         with costs.of("pouring"):
             X_WOs = pour_scene(scenario, catalogue)
-        diagram = make_sorting(scenario, X_WOs, catalogue, open_log=open_log, costs=costs, pose_estimator=estimator)
+        absent = absent_labels(
+            scenario.faults, catalogue.labels, list(X_WOs), derive(scenario.random_seed, "labels of faults")
+        )
+        waiting = {label: fault for fault, label in zip(scenario.faults, absent, strict=True) if fault.kind == "added"}
+        places = {label: waiting_place(catalogue[label], i) for i, label in enumerate(waiting)}
+        diagram = make_sorting(
+            scenario,
+            X_WOs | places,
+            catalogue,
+            open_log=open_log,
+            costs=costs,
+            pose_estimator=estimator,
+            absent=absent,
+        )
         on_diagram(diagram)
-        return _run(scenario, diagram, len(X_WOs), costs, progress, start)
+        hand = OutsideHand(scenario, catalogue, diagram, absent)
+        return _run(scenario, diagram, len(X_WOs), costs, progress, start, hand)
 
 
-def _run(scenario: Scenario, diagram: Diagram, objects: int, costs: Costs, progress: Progress, start: float) -> Episode:
+def _run(
+    scenario: Scenario,
+    diagram: Diagram,
+    objects: int,
+    costs: Costs,
+    progress: Progress,
+    start: float,
+    hand: OutsideHand,
+) -> Episode:
     simulator = Simulator(diagram)
     root = simulator.get_mutable_context()
     set_home(diagram.GetSubsystemByName("station"), root)
-    watch = _Watch(diagram, objects, progress)
+    watch = _Watch(diagram, objects, progress, hand)
     simulator.set_monitor(watch)
     error: BaseException | None = None
     with costs.of("all"):
         try:
             simulator.Initialize()
             simulator.AdvanceTo(scenario.simulation_duration)
+            while watch.hand_is_due:
+                hand.act(len(watch.perceptions) - 1, root)
+                watch.hand_is_due = False
+                simulator.AdvanceTo(scenario.simulation_duration)
         except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
             error = failure
             watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
@@ -106,13 +143,17 @@ def _run(scenario: Scenario, diagram: Diagram, objects: int, costs: Costs, progr
         costs=seconds,
         wall_s=time.perf_counter() - start,
         sim_time_s=root.get_time(),
+        absent=hand.absent,
+        acts=tuple(hand.acts),
     )
 
 
 class _Watch:
     """The simulator's monitor: collects records, shows progress, ends the run when the planner says so."""
 
-    def __init__(self, diagram: Diagram, count: int, progress: Progress) -> None:
+    def __init__(self, diagram: Diagram, count: int, progress: Progress, hand: OutsideHand) -> None:
+        self.hand_is_due = False
+        self._hand, self._observed = hand, 0.0
         self.perceptions: list[Perception] = []
         self.attempts: tuple[Attempt, ...] = ()
         self.outcome = ""
@@ -130,6 +171,7 @@ class _Watch:
         perception: Perception | None = unpack(self._perception.Eval(self._estimator.GetMyContextFromRoot(root)))
         if perception is not None and perception.step == len(self.perceptions):
             self.perceptions.append(perception)
+            self._observed = time_now
             accepted = sum(track.accepted for track in perception.posterior.tracks)
             boxes = len(perception.detections)
             self._tell(f"observation {perception.step}: {boxes} detections, {accepted} objects accepted", time_now)
@@ -143,6 +185,9 @@ class _Watch:
         self.outcome = self._outcome.Eval(context)
         if self.outcome:
             return EventStatus.ReachedTermination(self._diagram, self.outcome)
+        if time_now >= self._observed + HAND_DELAY and self._hand.is_due(len(self.perceptions) - 1, root):
+            self.hand_is_due = True
+            return EventStatus.ReachedTermination(self._diagram, "a hand is about to do something")
         return EventStatus.Succeeded()
 
     def _tell(self, what: str, sim_time: float) -> None:

@@ -18,6 +18,7 @@ from sum_drake.belief import AcceptanceConfig
 from sum_drake.detection import weights
 from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.simulated import SimulatedDetectorConfig
+from sum_drake.faults import KINDS, NEED_ABSENT, FaultConfig
 from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
@@ -102,6 +103,8 @@ class Scenario:
     """Where objects may go, by name; `table` is where they are poured."""
     goal: dict[str, str] = dataclasses.field(default_factory=dict)
     """Label or category -> region, or `leave`; a label goes before its category."""
+    faults: list[FaultConfig] = dataclasses.field(default_factory=list)
+    """What goes wrong, besides what does so by itself."""
 
     def region(self, name: str) -> Region:
         """The region of that name as a value."""
@@ -291,6 +294,27 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
         expect(kind in kinds, f"goal for {kind!r}", f"a label or category, one of {', '.join(kinds)}")
         places = (*(name for name in scenario.regions if name != "table"), LEAVE)
         expect(region_name in places, f"goal region {region_name!r}", f"one of {', '.join(places)}")
+    _validate_faults(scenario, where, catalogue)
+
+
+def _validate_faults(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
+    needed = len(scenario.objects.labels) or scenario.objects.count
+    for number, fault in enumerate(scenario.faults, start=1):
+        at = f"{where}: faults: number {number}"
+        if fault.kind not in KINDS:
+            raise InputError(f"{at}: kind {fault.kind!r}; expected one of {', '.join(KINDS)}")
+        if fault.observation < 0:
+            raise InputError(f"{at}: observation {fault.observation}; expected 0 or more")
+        if fault.object and fault.object not in catalogue.labels:
+            raise InputError(f"{at}: object {fault.object!r}; expected one of {', '.join(catalogue.labels)}")
+        if fault.object in scenario.objects.labels and fault.kind in NEED_ABSENT:
+            raise InputError(f"{at}: {fault.object} is poured; expected another object for kind {fault.kind}")
+        needed += fault.kind in NEED_ABSENT
+    if needed > len(catalogue):
+        raise InputError(
+            f"{where}: faults: need {needed} labels with the objects that are poured; expected at most "
+            f"{len(catalogue)}, as many as {catalogue.path} has"
+        )
 
 
 _PROBABILITIES = {
@@ -298,8 +322,8 @@ _PROBABILITIES = {
     "min_survival",
 }  # fmt: skip
 _AT_LEAST_ONE = {
-    "max_missed", "max_attempts", "max_looks", "max_obstacle_points", "samples", "directions", "depths", "candidates",
-    "particles", "grasps", "searches", "budget", "attempts",
+    "max_missed", "max_tracks", "max_attempts", "max_looks", "max_obstacle_points", "samples", "directions", "depths",
+    "candidates", "particles", "grasps", "searches", "budget", "attempts",
 }  # fmt: skip
 _POSITIVE = {
     "simulation_duration", "speed", "straight_speed", "approach", "point_size", "close_time", "open_time", "half_x",

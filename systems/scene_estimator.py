@@ -1,5 +1,6 @@
 """The one place that holds what is believed of the scene."""
 
+import logging
 from collections.abc import Callable
 
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
@@ -14,6 +15,7 @@ from sum_drake.types import (
     SceneBelief,
 )
 
+_LOG = logging.getLogger(__name__)
 UpdateBelief = Callable[[SceneBelief, Frame, Detections, Associations, PickPlace | None], SceneBelief]
 """`belief.update` with its estimator and configuration bound."""
 
@@ -41,6 +43,7 @@ class SceneEstimator(LeafSystem):
     def __init__(self, *, update_belief: UpdateBelief, period: float) -> None:
         super().__init__()
         self._update_belief = update_belief
+        self._told = -1
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
         self._frame = self.DeclareAbstractInputPort("frame", abstract())
         self._detections = self.DeclareAbstractInputPort("detections", abstract())
@@ -55,12 +58,23 @@ class SceneEstimator(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         held: SceneBelief = context.get_abstract_state(self._belief).get_value()
         step = round(self._observe.Eval(context)[0]) - 1
-        if step == held.observation:
+        if step <= held.observation:
+            if step < held.observation and step != self._told:  # once, not at each poll
+                self._told = step
+                _LOG.warning("observation %d after %d: left out, since it is older", step, held.observation)
             return EventStatus.DidNothing()
         frame: Frame = self._frame.Eval(context)
         detections: Detections = self._detections.Eval(context)
         associations: Associations = self._associations.Eval(context)
         action: PickPlace | None = unpack(self._action.Eval(context))
+        if step > held.observation + 1:
+            _LOG.warning("observation %d after %d: %d missing", step, held.observation, step - held.observation - 1)
+        fed = {pair.detection for pair in associations.pairs}
+        if len(fed) < len(detections.boxes):
+            _LOG.info("observation %d: %d of %d detections fed no track", step,
+                      len(detections.boxes) - len(fed), len(detections.boxes))  # fmt: skip
+        if action is not None and all(track.id != action.track for track in held.tracks):
+            _LOG.warning("observation %d: the action's target, track %d, is no longer believed", step, action.track)
         posterior = self._update_belief(held, frame, detections, associations, action)
         record = Perception(step, frame, detections.boxes, associations.pairs, held, posterior, action)
         state.get_mutable_abstract_state(self._belief).set_value(posterior)

@@ -1,5 +1,6 @@
 """The sorting diagram: station, perception, planner, controller, log and referee, wired together."""
 
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -10,21 +11,25 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
-from sum_drake.belief import Estimator
+from sum_drake.belief import BeliefConfig, Estimator
 from sum_drake.costs import Costs
 from sum_drake.detection.inference import Detector, load_detector
+from sum_drake.faults import REPEATED, false_detection
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.planning_scene import PlanningScene
+from sum_drake.presence import PresenceCheck
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
-from sum_drake.support import sunk
 from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.camera_fault import CameraFault
 from sum_drake.systems.data_associator import DataAssociator
+from sum_drake.systems.detection_fault import DetectionFault, Mistake
 from sum_drake.systems.frame_assembler import FrameAssembler
+from sum_drake.systems.grip_fault import GripFault
 from sum_drake.systems.object_detector import Detect, ObjectDetector
 from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import Referee
@@ -45,6 +50,7 @@ from sum_drake.types import (
     Motion,
     Perception,
     PickPlace,
+    Region,
     SceneBelief,
 )
 
@@ -58,34 +64,23 @@ def bind_perception(
     scenario: Scenario, catalogue: Catalogue, costs: Costs, pose_estimator: Estimator | None = None
 ) -> UpdateBelief:
     """`belief.update` with its estimator, which keeps its render engines warm, and the scenario's configuration."""
-    config = filter_config(scenario.filter)
-    estimator = pose_estimator or PoseEstimator(catalogue, config, noise=scenario.depth_noise)
-    seed = derive(scenario.random_seed, "estimation")
-    table = scenario.region("table")
+    estimator = pose_estimator or PoseEstimator(catalogue, filter_config(scenario.filter), noise=scenario.depth_noise)
+    presence = PresenceCheck(catalogue, noise=scenario.depth_noise)
     # Not the scenario itself: it says what was poured, and from which seed.
-    association, acceptance, unique_labels = scenario.association, scenario.acceptance, scenario.unique_labels
-
-    def sunk_by(label: str, X_WO: Array) -> float:
-        return sunk(np.asarray(catalogue[label].load_mesh().vertices), X_WO, table)
+    config = BeliefConfig(
+        filter_config(scenario.filter),
+        scenario.association,
+        scenario.acceptance,
+        scenario.unique_labels,
+        derive(scenario.random_seed, "estimation"),
+        scenario.region("table"),
+    )
 
     def update(
         held: SceneBelief, frame: Frame, detections: Detections, associations: Associations, action: PickPlace | None
     ) -> SceneBelief:
         with costs.of("perception"):
-            return belief.update(
-                held,
-                frame,
-                detections,
-                associations,
-                action,
-                estimator,
-                filter_config=config,
-                association_config=association,
-                acceptance=acceptance,
-                unique_labels=unique_labels,
-                seed=seed,
-                sunk=sunk_by,
-            )
+            return belief.update(held, frame, detections, associations, action, estimator, presence, catalogue, config)
 
     return update
 
@@ -161,6 +156,34 @@ DETECTORS = {"ObjectDetector": _object_detector, "SimulatedDetector": _simulated
 """Makes the system that a scenario names as its detector."""
 
 
+SEGMENTS = {"slipped": "lift", "dropped": "transport"}
+"""Of the faults of the fingers: the segment in which they let go."""
+
+
+def _mistakes(scenario: Scenario, catalogue: Catalogue, absent: Sequence[str]) -> dict[int, tuple[Mistake, ...]]:
+    """What the detector falsely sees, by observation."""
+    found: dict[int, tuple[Mistake, ...]] = {}
+    if not any(fault.kind == "false_detection" for fault in scenario.faults):
+        return found
+    for i, (fault, label) in enumerate(zip(scenario.faults, absent, strict=True)):
+        if fault.kind != "false_detection":
+            continue
+        mistake = functools.partial(
+            _false_detection,
+            label,
+            scenario.region("table"),
+            np.asarray(catalogue[label].load_mesh().vertices),
+            derive(scenario.random_seed, f"fault {i}"),
+        )
+        for observation in range(fault.observation, fault.observation + REPEATED):
+            found[observation] = (*found.get(observation, ()), mistake)
+    return found
+
+
+def _false_detection(label: str, table: Region, vertices: Array, seed: int, frame: Frame) -> Detection:
+    return false_detection(label, frame, table, vertices, np.random.default_rng(seed))
+
+
 def make_sorting(
     scenario: Scenario,
     X_WOs: Mapping[str, Array],
@@ -169,12 +192,14 @@ def make_sorting(
     open_log: Callable[[], RunLogWriter] | None = None,
     costs: Costs | None = None,
     pose_estimator: Estimator | None = None,
+    absent: Sequence[str] = (),
 ) -> Diagram:
     """Station, perception, planner, controller, log and referee in one diagram.
 
     X_WOs: label -> (4, 4) pose of each object on the table. open_log: called once all else has been made, for where the
-    log goes; without it there is none. pose_estimator: with the scenario's filter; default: one in this process. Raises
-    InputError for a scene or a catalogue that cannot be used.
+    log goes; without it there is none. pose_estimator: with the scenario's filter; default: one in this process.
+    absent: of the scenario's faults, `faults.absent_labels`. Raises InputError for a scene or a catalogue that cannot
+    be used.
     """
     costs = Costs() if costs is None else costs
     seed = scenario.random_seed
@@ -196,7 +221,9 @@ def make_sorting(
     detector = builder.AddNamedSystem(
         "object_detector", DETECTORS[scenario.detector](scenario, catalogue, station, costs)
     )
-    associator = builder.AddNamedSystem("data_associator", DataAssociator(config=scenario.association))
+    associator = builder.AddNamedSystem(
+        "data_associator", DataAssociator(catalogue=catalogue, config=scenario.association)
+    )
     update = bind_perception(scenario, catalogue, costs, pose_estimator)
     estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
     decide, retreat = bind_task(scenario, catalogue, costs)
@@ -221,21 +248,44 @@ def make_sorting(
     connect(station, "head_camera.depth_image", frames, "depth_image")
     connect(station, "head_camera.X_WC", frames, "X_WC")
     connect(planner, "observe", frames)
-    connect(frames, "frame", detector)
+    # What goes wrong on a signal stands between its source and whoever reads it.
+    frame, detections, desired = (frames, "frame"), (detector, "detections"), (controller, "desired_state")
+    blind = {fault.observation for fault in scenario.faults if fault.kind == "camera"}
+    if blind:
+        camera_fault = builder.AddNamedSystem("camera_fault", CameraFault(observations=blind))
+        connect(*frame, camera_fault)
+        frame = camera_fault, "faulty_frame"
+    connect(*frame, detector, "frame")
     if isinstance(detector, SimulatedDetector):
         connect(station, "head_camera.label_image", detector, "label_image")
-    connect(detector, "detections", associator)
+    mistakes = _mistakes(scenario, catalogue, absent)
+    if mistakes:
+        detection_fault = builder.AddNamedSystem("detection_fault", DetectionFault(mistakes=mistakes))
+        connect(*frame, detection_fault, "frame")
+        connect(*detections, detection_fault)
+        detections = detection_fault, "faulty_detections"
+    connect(*detections, associator, "detections")
+    connect(*frame, associator, "frame")
     connect(estimator, "scene_belief", associator)
+    connect(planner, "executed_action", associator)
     connect(planner, "observe", estimator)
-    connect(frames, "frame", estimator)
-    connect(detector, "detections", estimator)
+    connect(*frame, estimator, "frame")
+    connect(*detections, estimator, "detections")
     connect(associator, "associations", estimator)
     connect(planner, "executed_action", estimator)
     connect(estimator, "perception", planner)
     connect(station, "fetch.state", planner, "robot_state")
+    connect(station, "fetch.effort", planner, "effort")
     connect(controller, "motion_status", planner)
     connect(planner, "motion", controller)
-    connect(controller, "desired_state", station, "fetch.desired_state")
+    loose = tuple((f.observation, SEGMENTS[f.kind]) for f in scenario.faults if f.kind in SEGMENTS)
+    if loose:
+        grip_fault = builder.AddNamedSystem("grip_fault", GripFault(faults=loose, period=POLL))
+        connect(*desired, grip_fault)
+        connect(controller, "motion_status", grip_fault)
+        connect(planner, "observe", grip_fault)
+        desired = grip_fault, "faulty_desired_state"
+    connect(*desired, station, "fetch.desired_state")
     connect(station, "truth.body_poses", referee, "body_poses")
     connect(planner, "observe", referee)
     connect(controller, "motion_status", referee)

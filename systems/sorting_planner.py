@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
+from sum_drake.action_model import holds
 from sum_drake.picking import PickPlan
-from sum_drake.robot import HAND, STATE_JOINTS, arm_positions, finger_gap
+from sum_drake.robot import JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
@@ -16,6 +17,20 @@ Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Sto
 """`task.SortingTask.decide`."""
 Retreat = Callable[[Perception, Array, int], Motion]
 """`task.SortingTask.retreat`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Feel(Immutable):
+    """What the hand feels."""
+
+    gap: float = 0.0
+    """Between the fingers, metres."""
+    squeeze: float = 0.0
+    """Force that closes them, newtons."""
+
+    def holds(self, width: float) -> bool:
+        """Whether that is an object of this width."""
+        return holds(self.gap, self.squeeze, width)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -32,8 +47,8 @@ class _Sorting(Immutable):
     """Observations in a row that led to nothing."""
     pick: Pick | None = None
     motion: Motion | None = None
-    gap_lift: float = 0.0
-    gap_place: float = 0.0
+    at_lift: Feel = Feel()
+    at_place: Feel = Feel()
     action: PickPlace | None = None
     attempts: tuple[Attempt, ...] = ()
     outcome: str = ""
@@ -49,6 +64,7 @@ class SortingPlanner(LeafSystem):
         - perception
         - robot_state
         - motion_status
+        - effort
         output_ports:
         - observe
         - motion
@@ -57,7 +73,7 @@ class SortingPlanner(LeafSystem):
         - outcome
 
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
-    attempt is its own commands and the gap between its fingers.
+    attempt is its own commands, and the gap between its fingers with the force that closes them.
     """
 
     def __init__(self, *, decide: Decide, retreat: Retreat, period: float, settle_time: float) -> None:
@@ -66,6 +82,7 @@ class SortingPlanner(LeafSystem):
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
+        self._effort = self.DeclareVectorInputPort("effort", BasicVector(len(JOINTS)))
         self._state = self.DeclareAbstractState(abstract(_Sorting()))
         of_state = {self.abstract_state_ticket(self._state)}
         self.DeclareVectorOutputPort("observe", BasicVector(1), self._calc_observe, prerequisites_of_calc=of_state)
@@ -135,24 +152,24 @@ class SortingPlanner(LeafSystem):
         if not self._done(context, held):
             return held
         assert held.pick is not None
-        gap = finger_gap(self._robot_state.Eval(context))
-        if holds(gap, held.pick.plan.grasp.width):
+        feel = self._feel(context)
+        if feel.holds(held.pick.plan.grasp.width):
             motion = self._numbered(held, held.pick.plan.place)
-            return dataclasses.replace(held, phase="place", motion=motion, gap_lift=gap, gap_place=gap)
+            return dataclasses.replace(held, phase="place", motion=motion, at_lift=feel, at_place=feel)
         assert held.motion is not None
         try:
             motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
         except RuntimeError as error:
-            stopped = self._record(dataclasses.replace(held, gap_lift=gap, gap_place=gap), released=False)
+            stopped = self._record(dataclasses.replace(held, at_lift=feel, at_place=feel), released=False)
             return dataclasses.replace(stopped, phase="done", outcome=f"stopped: {error}")
-        return dataclasses.replace(held, phase="retreat", motion=motion, gap_lift=gap, gap_place=gap)
+        return dataclasses.replace(held, phase="retreat", motion=motion, at_lift=feel, at_place=feel)
 
     def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:
         """Feels the hand until it opens; afterwards the attempt is history."""
         status: MotionStatus = self._status.Eval(context)
         if not self._done(context, held):
             if status.segment == "transport":
-                return dataclasses.replace(held, gap_place=finger_gap(self._robot_state.Eval(context)))
+                return dataclasses.replace(held, at_place=self._feel(context))
             return held
         return self._record(held, released=True)
 
@@ -180,19 +197,26 @@ class SortingPlanner(LeafSystem):
             X_WG_pick=plan.X_WG,
             X_WO_place=plan.X_WO_place,
             region=held.pick.region,
-            gap_lift=held.gap_lift,
-            gap_place=held.gap_place,
+            gap_lift=held.at_lift.gap,
+            gap_place=held.at_place.gap,
             released=released,
+            squeeze_lift=held.at_lift.squeeze,
+            squeeze_place=held.at_place.squeeze,
+            held_lift=held.at_lift.holds(plan.grasp.width),
+            held_place=held.at_place.holds(plan.grasp.width),
         )
         if not released:
             reason = "empty_hand"
         else:
-            reason = "executed" if holds(held.gap_place, plan.grasp.width) else "lost_in_transport"
+            reason = "executed" if held.at_place.holds(plan.grasp.width) else "lost_in_transport"
         attempt = Attempt(
             step, track.id, track.label, held.pick.region, "pick_place", reason,
             plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG,
         )  # fmt: skip
         return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
+
+    def _feel(self, context: Context) -> Feel:
+        return Feel(finger_gap(self._robot_state.Eval(context)), squeeze(self._effort.Eval(context)))
 
     def _arm(self, context: Context) -> Array:
         return arm_positions(self._robot_state.Eval(context))
@@ -204,13 +228,3 @@ class SortingPlanner(LeafSystem):
     @staticmethod
     def _numbered(held: _Sorting, motion: Motion) -> Motion:
         return dataclasses.replace(motion, id=0 if held.motion is None else held.motion.id + 1)
-
-
-def holds(gap: float, width: float) -> bool:
-    """Whether fingers that stopped at `gap` hold something `width` thick: more than half of it, and not the wide open
-    hand."""
-    return 0.5 * width < gap < HAND.gap_max and gap > MIN_HELD_GAP
-
-
-MIN_HELD_GAP = 0.0015
-"""An empty hand closes to less than this, metres."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake.evaluation import Truth, digest, score_attempts, score_observation, summary
+from sum_drake.faults import score_faults
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer
 from sum_drake.systems.episode import Episode
@@ -21,11 +22,23 @@ def score(
     """summary.json of an episode, as plain data. versions, device: what it ran on, see `doctor`."""
     renderer = DepthRenderer(catalogue)
     truths = [
-        _truth_at(episode.truth, perception.step, perception.frame, renderer) for perception in episode.perceptions
+        _in_play(_truth_at(episode.truth, perception.step, perception.frame, renderer), scenario, episode)
+        for perception in episode.perceptions
     ]
-    final = Truth(len(truths), episode.truth[-1].X_WOs)
+    final = _in_play(Truth(len(truths), episode.truth[-1].X_WOs), scenario, episode)
     regions = {name: scenario.region(name) for name in scenario.regions}
     goal = {label: region_of(label, scenario.goal, catalogue) for label in catalogue.labels}
+    attempts = score_attempts(
+        episode.attempts,
+        [*truths, final],
+        regions=regions,
+        goal=goal,
+        slips=_slips(episode.attempts, episode.truth),
+        believed=[perception.posterior.believed for perception in episode.perceptions],
+    )
+    for row in attempts:  # What a hand has swept off the table, the arm has not knocked off.
+        swept = {act.label for act in episode.acts if act.kind == "swept" and act.observation == row["step"]}
+        row["knocked_off"] = [label for label in row["knocked_off"] if label not in swept]
     return summary(
         seed=scenario.random_seed,
         outcome=episode.outcome,
@@ -36,13 +49,7 @@ def score(
             score_observation(perception, truth, catalogue)
             for perception, truth in zip(episode.perceptions, truths, strict=True)
         ],
-        attempts=score_attempts(
-            episode.attempts,
-            [*truths, final],
-            regions=regions,
-            goal=goal,
-            slips=_slips(episode.attempts, episode.truth),
-        ),
+        attempts=attempts,
         timing={
             **{f"{purpose}_cpu_s": seconds for purpose, seconds in episode.costs.items()},
             "wall_s": episode.wall_s,
@@ -51,6 +58,28 @@ def score(
         digest=digest(episode.perceptions, episode.attempts, final),
         versions=versions,
         device=device,
+        faults=score_faults(
+            scenario.faults,
+            episode.absent,
+            episode.acts,
+            episode.perceptions,
+            episode.attempts,
+            truths,
+            regions,
+            catalogue,
+        ),
+    )
+
+
+def _in_play(truth: Truth, scenario: Scenario, episode: Episode) -> Truth:
+    """Without what a hand has not added yet, or has taken away: nobody is to sort that."""
+    done = [act for act in episode.acts if act.observation < truth.observation]
+    out = {label for fault, label in zip(scenario.faults, episode.absent, strict=True) if fault.kind == "added"}
+    out = (out - {act.label for act in done if act.kind == "added"}) | {a.label for a in done if a.kind == "taken"}
+    return Truth(
+        truth.observation,
+        tuple((label, X_WO) for label, X_WO in truth.X_WOs if label not in out),
+        tuple((label, share) for label, share in truth.visible_shares if label not in out),
     )
 
 

@@ -1,21 +1,26 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from sum_drake.action_model import predict
-from sum_drake.filter_config import FilterConfig
+from sum_drake.action_model import OUTCOMES, judged, predict
+from sum_drake.filter_config import FilterConfig, filter_config
 from sum_drake.geometry import rotation_angle, transform
+from sum_drake.presence import UNKNOWN, Presence
 from sum_drake.types import PickPlace, PoseBelief
 
 
-def action(label: str, *, released: bool = True, kind: str = "pick_place") -> PickPlace:
+def action(
+    label: str, *, released: bool = True, kind: str = "pick_place", lifted: float = 0.05, held: float = 0.05
+) -> PickPlace:
     place = transform(np.eye(3), np.array([0.1, -0.6, 0.8]))
-    return PickPlace(0, kind, 1, label, np.eye(4), place, "cleaning_bin", 0.05, 0.05, released)
+    return PickPlace(0, kind, 1, label, np.eye(4), place, "cleaning_bin", lifted, held, released)
 
 
 def test_action_model_is_the_mixture_of_eq_10() -> None:
     n = 20000
     belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
-    config = FilterConfig()
+    config = filter_config("paper")
     rng = np.random.default_rng(0)
     target = predict(belief, action("tide"), is_target=True, rng=rng, config=config)
     place = action("tide").X_WO_place[:3, 3]
@@ -44,3 +49,63 @@ def test_action_model_honours_weights() -> None:
     moved = predict(belief, action("x"), is_target=False, rng=np.random.default_rng(0), config=FilterConfig())
     assert (moved.X_WOs[:, 0, 3] > 0.5).mean() == pytest.approx(0.8, abs=0.01)
     assert moved.weights == pytest.approx(np.full(1000, 1e-3))
+
+
+def test_what_the_paper_leaves_out_are_further_components() -> None:
+    n = 20000
+    belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
+    config, rng = FilterConfig(w_slipped=0.1, w_dropped=0.06, w_swept=0.5), np.random.default_rng(0)
+    target = predict(belief, action("tide"), is_target=True, rng=rng, config=config).X_WOs
+    place = action("tide").X_WO_place[:3, 3]
+    along = target[:, :2, 3] @ place[:2] / (place[:2] @ place[:2])
+    turned = rotation_angle(target[:, :3, :3])
+    on_the_way = (along > 0.25) & (along < 0.75)
+    assert on_the_way.mean() == pytest.approx(0.03, abs=0.01)
+    assert np.median(turned[on_the_way]) > 1.0
+    assert (np.linalg.norm(target[:, :3, 3], axis=1) < 0.2).mean() == pytest.approx(0.1 + 0.04 + 0.01, abs=0.03)
+    # What lies under the hand's way may be swept aside, what lies far from it is not.
+    for y, share in ((-0.1, 0.5), (0.8, 0.0)):
+        at = np.tile(transform(np.eye(3), np.array([0.0, y, 0.0])), (n, 1, 1))
+        other = predict(
+            PoseBelief(at, belief.weights), action("tide"), is_target=False, rng=rng, config=config
+        ).X_WOs  # fmt: skip
+        far = np.linalg.norm(other[:, :3, 3] - at[:, :3, 3], axis=1) > 0.045
+        assert far.mean() == pytest.approx(0.84 * share, abs=0.1)
+
+
+SEEN = Presence(2000.0, 0.9, 0.05, 0.0)
+EMPTY = Presence(2000.0, 0.02, 0.95, 0.0)
+HIDDEN = Presence(1500.0, 0.0, 0.02, 0.98)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "there", "near", "far", "outcome"),
+    [
+        ((0.05, 0.05), EMPTY, 0.0, 0.0, "placed"),
+        ((0.05, 0.05), HIDDEN, 0.0, 0.0, "placed"),
+        ((0.05, 0.05), SEEN, 0.0, 0.0, "stayed"),
+        ((0.0, 0.0), SEEN, 0.0, 0.0, "stayed"),
+        ((0.0, 0.0), EMPTY, 0.95, 0.0, "slipped"),
+        ((0.05, 0.0), EMPTY, 0.0, 0.95, "dropped"),
+        ((0.05, 0.0), EMPTY, 0.0, 0.0, "lost"),
+        ((0.05, 0.05), EMPTY, 0.0, 0.97, "dropped"),
+    ],
+)
+def test_what_became_of_a_target_is_judged_by_what_was_felt_and_seen(gaps, there, near, far, outcome) -> None:
+    lifted, held = gaps
+    done = action("tide", released=lifted > 0, lifted=lifted, held=held)
+    p = judged(done, there, UNKNOWN, near=near, far=far)
+    assert p.sum() == pytest.approx(1.0)
+    assert OUTCOMES[int(p.argmax())] == outcome
+
+
+shares = st.floats(0, 1)
+looks = st.builds(Presence, st.floats(0, 1e5), shares, shares, shares)
+
+
+@given(looks, looks, shares, shares, st.booleans(), st.floats(0, 0.1), st.floats(0, 0.1))
+def test_outcomes_are_a_distribution_whatever_was_felt_and_seen(there, place, near, far, released, lifted, held):
+    p = judged(action("tide", released=released, lifted=lifted, held=held), there, place, near=near, far=far)
+    assert np.isfinite(p).all()
+    assert (p >= 0).all()
+    assert p.sum() == pytest.approx(1.0)

@@ -74,3 +74,24 @@ def test_the_better_of_two_boxes_continues_the_track_and_the_other_spawns():
     boxes = [detection((3, 0, 10, 10), mug=0.9), detection((0, 0, 10, 10), mug=0.9)]
     pairs = associate([track(7, "mug", (0, 0, 10, 10))], boxes, AssociationConfig())
     assert [(p.detection, p.track) for p in pairs] == [(0, None), (1, 7)]
+
+
+def test_where_there_is_room_for_few_the_surest_spawn():
+    boxes = [detection((50 * i, 0, 10, 10), mug=0.1 * i) for i in range(1, 9)]
+    held = [track(7, "toy", (0, 90, 10, 10))]
+    pairs = associate(held, boxes, AssociationConfig(max_tracks=4))
+    assert [pair.detection for pair in pairs] == [5, 6, 7]
+    assert associate(held * 4, boxes, AssociationConfig(max_tracks=4)) == ()
+
+
+def test_a_confidence_that_is_no_number_is_none():
+    box = (0, 0, 10, 10)
+    broken = Detection(box, float("nan"), (("mug", 0.9),))
+    assert associate([track(7, "mug", box)], [broken], AssociationConfig()) == ()
+
+
+def test_a_track_is_expected_where_the_action_was_to_put_it():
+    box, place = (0, 0, 10, 10), (200, 0, 10, 10)
+    held = [track(7, "mug", box)]
+    assert associate(held, [detection(place, mug=0.9)], AssociationConfig())[0].track is None
+    assert associate(held, [detection(place, mug=0.9)], AssociationConfig(), [[box, place]])[0].track == 7

@@ -5,12 +5,13 @@ import pytest
 from scenes import observe, standing
 
 from sum_drake.association import AssociationConfig, associate
-from sum_drake.belief import AcceptanceConfig, update
+from sum_drake.belief import AcceptanceConfig, BeliefConfig, update
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
-from sum_drake.objects import load_catalogue
-from sum_drake.types import Associations, Detection, Detections, PickPlace, SceneBelief, readonly
+from sum_drake.objects import Catalogue, load_catalogue
+from sum_drake.presence import PresenceCheck
+from sum_drake.types import Association, Associations, Detection, Detections, PickPlace, SceneBelief, readonly
 
 CONFIG = FilterConfig(particles=500, iterations=6)
 ASSOCIATION = AssociationConfig(max_missed=2)
@@ -21,19 +22,28 @@ def catalogue():
     return load_catalogue()
 
 
+@dataclasses.dataclass
+class Perceiver:
+    """What estimates, what looks where nothing was detected, and what both know."""
+
+    estimator: PoseEstimator
+    presence: PresenceCheck
+    catalogue: Catalogue
+
+
 @pytest.fixture(scope="module")
 def estimator(catalogue):
-    return PoseEstimator(catalogue, CONFIG)
+    return Perceiver(PoseEstimator(catalogue, CONFIG), PresenceCheck(catalogue), catalogue)
 
 
-def see(held, frame, boxes, estimator, *, action=None, threshold=0.5, unique=True, seed=1):
+def see(held, frame, boxes, estimator, *, action=None, threshold=0.5, unique=True, seed=1, pairs=None):
     detections = Detections(frame.observation, tuple(boxes))
-    pairs = Associations(frame.observation, associate(held.tracks, boxes, ASSOCIATION))
+    if pairs is None:
+        pairs = Associations(frame.observation, associate(held.tracks, boxes, ASSOCIATION))
+    config = BeliefConfig(CONFIG, ASSOCIATION, AcceptanceConfig(threshold), unique, seed)
     return update(
-        held, frame, detections, pairs, action, estimator,
-        filter_config=CONFIG, association_config=ASSOCIATION, acceptance=AcceptanceConfig(threshold),
-        unique_labels=unique, seed=seed,
-    )  # fmt: skip
+        held, frame, detections, pairs, action, estimator.estimator, estimator.presence, estimator.catalogue, config
+    )
 
 
 def test_an_object_is_found_followed_and_found_again_after_it_was_placed(catalogue, estimator):
@@ -67,23 +77,152 @@ def test_rivals_for_one_box_contest_it_and_the_shape_decides(catalogue, estimato
 
 
 def test_labels_are_unique_only_where_that_is_asked_for(catalogue, estimator):
+    one, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.15)})
+    other, more = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, -0.15)})
+    left = np.arange(one.depth.shape[1]) < one.depth.shape[1] / 2
+    depth = np.where(left[None], one.depth, other.depth)
+    frame = dataclasses.replace(one, depth=readonly(depth, np.float32))
+    seen = [Detection(box["sugar"], 0.9, (("sugar", 0.9),)) for box in (boxes, more)]
+    assert sum(t.accepted for t in see(SceneBelief(), frame, seen, estimator).tracks) == 1
+    assert sum(t.accepted for t in see(SceneBelief(), frame, seen, estimator, unique=False).tracks) == 2
+
+
+@pytest.mark.parametrize("unique", [True, False])
+def test_two_tracks_of_one_object_are_both_right_and_one_stands_for_it(catalogue, estimator, unique):
     frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.0)})
     x, y, w, h = boxes["sugar"]
     twice = [Detection((x, y, w, h), 0.9, (("sugar", 0.9),)), Detection((x + 2, y, w, h), 0.9, (("sugar", 0.8),))]
-    assert sum(t.accepted for t in see(SceneBelief(), frame, twice, estimator, threshold=0.0).tracks) == 1
-    both = see(SceneBelief(), frame, twice, estimator, threshold=0.0, unique=False)
-    assert sum(t.accepted for t in both.tracks) == 2
+    belief = see(SceneBelief(), frame, twice, estimator, unique=unique)
+    assert min(track.probability for track in belief.tracks) > 0.8
+    assert sum(track.accepted for track in belief.tracks) == 1
 
 
-def test_a_track_that_is_not_seen_is_not_accepted_and_ends_after_k_observations(catalogue, estimator):
-    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.0)})
+def test_a_box_that_shows_something_else_does_not_take_a_track_from_its_object(catalogue, estimator):
+    """The detector calls the mug beside it by its name, and misses it: it is where it was."""
+    X_WOs = {"sugar": standing(catalogue, "sugar", 0.6, 0.05), "mug": standing(catalogue, "mug", 0.6, -0.08)}
+    frame, boxes = observe(catalogue, X_WOs)
     belief = see(SceneBelief(), frame, [Detection(boxes["sugar"], 0.9, (("sugar", 0.9),))], estimator)
-    counts = []
+    mug = Detection(boxes["mug"], 0.9, (("sugar", 0.9),))
+    pairs = Associations(1, (Association(0, "sugar", 0, 0.5),))
+    after = see(belief, dataclasses.replace(frame, observation=1), [mug], estimator, pairs=pairs)
+    (kept,) = (track for track in after.tracks if track.accepted)
+    assert kept.id == 0
+    assert pose_error(kept.X_WO, X_WOs["sugar"], catalogue["sugar"].symmetry)[0] < 0.02
+
+
+def one_box(catalogue, estimator, *, x=0.6):
+    """A belief in a sugar box, and the frame that shows it."""
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", x, 0.0)})
+    return see(SceneBelief(), frame, [Detection(boxes["sugar"], 0.9, (("sugar", 0.9),))], estimator), frame
+
+
+def test_an_object_that_the_detector_misses_is_still_there_as_long_as_depth_shows_it(catalogue, estimator):
+    belief, frame = one_box(catalogue, estimator)
     for k in (1, 2, 3):
         belief = see(belief, dataclasses.replace(frame, observation=k), [], estimator)
+        (track,) = belief.tracks
+        assert track.accepted
+        assert track.seen == 0
+        assert dict(track.features)["look_explained"] > 0.8
+
+
+def test_an_object_that_was_taken_away_is_given_up_at_once_and_why_is_said(catalogue, estimator):
+    belief, _ = one_box(catalogue, estimator)
+    empty, _ = observe(catalogue, {}, observation=1)
+    after = see(belief, empty, [], estimator)
+    assert after.tracks == ()
+    assert [(gone.label, gone.reason, gone.observation) for gone in after.gone] == [("sugar", "empty", 1)]
+    later = see(after, dataclasses.replace(empty, observation=2), [], estimator)
+    assert later.gone == ()
+
+
+def test_what_is_hidden_is_kept_but_not_accepted(catalogue, estimator):
+    belief, _ = one_box(catalogue, estimator, x=0.8)
+    wall = {"tide": standing(catalogue, "tide", 0.6, 0.0, yaw=np.pi / 2)}
+    before = belief.tracks[0].probability
+    frame, _ = observe(catalogue, wall, observation=1)
+    frame = dataclasses.replace(frame, depth=readonly(np.where(frame.depth > 0, 0.6, 0), np.float32))
+    (track,) = see(belief, frame, [], estimator).tracks
+    assert track.probability == pytest.approx(before, abs=0.05)
+    assert not track.accepted
+
+
+def test_a_frame_without_depth_changes_little(catalogue, estimator):
+    """A camera that failed once: nothing is known to have changed."""
+    belief, frame = one_box(catalogue, estimator)
+    blind = dataclasses.replace(frame, observation=1, depth=readonly(np.zeros_like(frame.depth), np.float32))
+    wrong = Detection(belief.tracks[0].box, 0.9, (("sugar", 0.9),))
+    (track,) = see(belief, blind, [wrong], estimator).tracks
+    assert track.probability > 0.9 * belief.tracks[0].probability, "a box without depth says nothing against it"
+    (track,) = see(belief, blind, [], estimator).tracks
+    assert not track.accepted
+    again = see(SceneBelief(1, (track,), 1), dataclasses.replace(frame, observation=2), [], estimator)
+    assert [t.accepted for t in again.tracks] == [True]
+
+
+def unlikely(belief, p):
+    """The same belief, but for how probable its track is."""
+    return dataclasses.replace(belief, tracks=(dataclasses.replace(belief.tracks[0], probability=p, uncontended=p),))
+
+
+def test_an_unlikely_track_that_is_not_detected_ends_after_k_looks_that_could_see_it(catalogue, estimator):
+    belief, frame = one_box(catalogue, estimator)
+    belief = unlikely(belief, 0.4)
+    counts, gone = [], []
+    for k in (1, 4, 6):
+        belief = see(belief, dataclasses.replace(frame, observation=k), [], estimator)
         counts.append(len(belief.tracks))
-        assert not any(track.accepted for track in belief.tracks)
+        gone += [one.reason for one in belief.gone]
     assert counts == [1, 0, 0]
+    assert gone == ["unseen"]
+
+
+def test_frames_that_are_missing_or_blind_are_no_misses(catalogue, estimator):
+    belief, frame = one_box(catalogue, estimator)
+    belief = unlikely(belief, 0.3)
+    blind = dataclasses.replace(frame, depth=readonly(np.zeros_like(frame.depth), np.float32))
+    for k in (3, 4, 9):
+        belief = see(belief, dataclasses.replace(blind, observation=k), [], estimator)
+        (track,) = belief.tracks
+        assert track.missed == 0
+    assert track.probability == pytest.approx(0.3 * 0.98**3)
+
+
+def test_what_contends_keeps_its_own_evidence_until_some_settles_it(catalogue, estimator):
+    """Look after look without news: a rival takes its share once, not each time."""
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.0, yaw=0.5)})
+    both = Detection(boxes["sugar"], 0.95, (("tide", 0.5), ("sugar", 0.45)))
+    belief = see(SceneBelief(), frame, [both], estimator, threshold=0.0)
+    tide, sugar = sorted(belief.tracks, key=lambda track: track.label, reverse=True)
+    doubted = dataclasses.replace(sugar, label="sugar", probability=0.9, uncontended=0.9)
+    rival = dataclasses.replace(tide, X_WO=sugar.X_WO, probability=0.9, uncontended=0.9)
+    held = dataclasses.replace(belief, tracks=(doubted, rival))
+    blind = dataclasses.replace(frame, depth=readonly(np.zeros_like(frame.depth), np.float32))
+    seen = []
+    for k in (1, 2, 3):
+        held = see(held, dataclasses.replace(blind, observation=k), [], estimator)
+        seen.append([track.probability for track in held.tracks])
+    assert np.allclose(seen[0], 0.45, atol=0.06), "they reach into each other: one is true at most"
+    assert np.allclose(seen[2], seen[0], atol=0.06)
+    assert all(track.own_probability > 0.8 for track in held.tracks)
+
+
+def test_a_full_house_takes_in_nothing_more(catalogue, estimator):
+    """Not even what the box of a track that stays where it was shows."""
+    belief, _ = one_box(catalogue, estimator)
+    mug, boxes = observe(
+        catalogue,
+        {"sugar": standing(catalogue, "sugar", 0.6, 0.0), "mug": standing(catalogue, "mug", 0.6, -0.15)},
+        observation=1,
+    )
+    wrong = Detection(boxes["mug"], 0.9, (("sugar", 0.9),))
+    pairs = Associations(1, (Association(0, "sugar", 0, 0.5),))
+    config = BeliefConfig(CONFIG, AssociationConfig(max_tracks=1), AcceptanceConfig(), True, 1)
+    after = update(
+        belief, mug, Detections(1, (wrong,)), pairs, None, estimator.estimator, estimator.presence,
+        estimator.catalogue, config,
+    )  # fmt: skip
+    assert [track.id for track in after.tracks] == [0]
 
 
 def test_ids_are_never_used_again_and_the_seed_decides_every_draw(catalogue, estimator):
@@ -107,8 +246,4 @@ def test_a_box_without_depth_is_a_poor_hypothesis_and_no_error(catalogue, estima
 def test_inputs_of_different_observations_are_refused(catalogue, estimator):
     frame, _ = observe(catalogue, {})
     with pytest.raises(ValueError, match="different observations"):
-        update(
-            SceneBelief(), frame, Detections(1, ()), Associations(0, ()), None, estimator,
-            filter_config=CONFIG, association_config=ASSOCIATION, acceptance=AcceptanceConfig(),
-            unique_labels=True, seed=0,
-        )  # fmt: skip
+        see(SceneBelief(), frame, [], estimator, pairs=Associations(1, ()))

@@ -3,7 +3,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sum_drake.existence import EVIDENCE, SIGNS, WEIGHTS, evidence, missed_probability, track_probability
+from sum_drake.existence import (
+    EVIDENCE,
+    SIGNS,
+    SURVIVES,
+    WEIGHTS,
+    agreed_probability,
+    evidence,
+    missed_probability,
+    track_probability,
+)
+from sum_drake.presence import UNKNOWN, Presence
 
 share = st.floats(0, 1)
 pixels = st.floats(0, 1e6)
@@ -67,6 +77,36 @@ def test_nothing_explained_is_nothing_there():
     assert track_probability(1.0, 1.0, 0.0, GOOD) == 0.0
 
 
-@given(share)
-def test_not_being_seen_lowers_it_and_never_below_zero(p):
-    assert 0.0 <= missed_probability(p) <= p
+looks = st.builds(Presence, st.floats(0, 1e5), share, share, share)
+EMPTY = Presence(2000.0, 0.0, 0.95, 0.0)
+THERE = Presence(2000.0, 0.95, 0.0, 0.0)
+HIDDEN = Presence(2000.0, 0.0, 0.0, 1.0)
+
+
+@given(share, looks, st.booleans())
+def test_after_a_miss_it_is_at_most_as_probable(p, seen, again):
+    assert 0.0 <= missed_probability(p, seen, again=again) <= p
+
+
+@given(st.floats(0.01, 0.99))
+def test_what_a_place_shows_that_nothing_was_detected_in(p):
+    """An empty one ends belief, a hidden one says nothing, a full one does not tell real ones from mistakes."""
+    assert missed_probability(p, EMPTY) < 0.1 * p
+    assert missed_probability(p, HIDDEN) == pytest.approx(SURVIVES * p)
+    assert missed_probability(p, UNKNOWN) == pytest.approx(SURVIVES * p)
+    assert missed_probability(p, EMPTY) < missed_probability(p, THERE) < missed_probability(p, HIDDEN)
+    assert missed_probability(p, THERE) < missed_probability(p, THERE, again=True)
+
+
+def test_a_sure_track_outlasts_a_miss_where_depth_shows_it_and_a_doubtful_one_does_not():
+    assert missed_probability(0.95, THERE) > 0.5
+    assert missed_probability(0.6, THERE) < 0.3
+
+
+@given(st.floats(0.01, 0.99), st.floats(0.01, 0.99))
+def test_an_estimate_that_agrees_with_what_was_believed_gains_by_it_but_not_like_a_new_witness(now, before):
+    found = agreed_probability(now, before)
+    before *= SURVIVES
+    assert (found >= now) == (before >= 0.5) or found == pytest.approx(now)
+    independent = now * before / (now * before + (1 - now) * (1 - before))
+    assert min(now, independent) - 1e-9 <= found <= max(now, independent) + 1e-9

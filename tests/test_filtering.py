@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from scenes import observe, standing
 
 from sum_drake.action_model import predict
 from sum_drake.filter_config import FilterConfig, filter_config
@@ -119,6 +120,39 @@ def test_tracking_refines_a_prior_and_gives_up_a_wrong_one(estimator: PoseEstima
         else:
             # Fresh particles: the belief goes where the box is, if not at once to the right orientation.
             assert np.linalg.norm(estimate.X_WO[:3, 3] - X_WO[:3, 3]) < 0.15
+
+
+def near(X_WO: Array) -> PoseBelief:
+    """A prior about a pose."""
+    rng = np.random.default_rng(0)
+    turns, shifts = rotation_from_vector(rng.normal(0, 0.1, (100, 3))), rng.normal(0, 0.01, (100, 3))
+    X_WOs = np.tile(X_WO, (100, 1, 1))
+    X_WOs[:, :3, :3], X_WOs[:, :3, 3] = turns @ X_WO[:3, :3], X_WO[:3, 3] + shifts
+    return PoseBelief(X_WOs, np.full(100, 0.01))
+
+
+def test_what_an_earlier_look_told_apart_is_remembered(estimator: PoseEstimator) -> None:
+    """A mug whose handle is behind it: this look alone cannot tell how it is turned."""
+    catalogue = load_catalogue()
+    X_WO = standing(catalogue, "mug", 0.6, 0.0, yaw=1.5 * np.pi)
+    frame, boxes = observe(catalogue, {"mug": X_WO})
+    alone = estimator.estimate(frame, boxes["mug"], "mug", rng=np.random.default_rng(1))
+    told = estimator.estimate(
+        frame, boxes["mug"], "mug", rng=np.random.default_rng(1), prior=near(X_WO), before=alone.likelihood
+    )
+    assert within(told, X_WO, "mug")
+    assert dict(told.features)["near_share"] > dict(alone.features)["near_share"] + 0.1
+
+
+def test_an_object_that_moved_is_found_where_it_is_now(estimator: PoseEstimator, frame_and_truth) -> None:
+    """It is explained less well than before where it was believed to be, so it is searched from scratch as well."""
+    frame, truth = frame_and_truth
+    X_WO, box = truth["tide"]
+    elsewhere = transform(rotation_from_vector(np.array([2.0, 1.0, 0.0])) @ X_WO[:3, :3], X_WO[:3, 3] + [0.1, 0.1, 0.1])
+    moved = estimator.estimate(
+        frame, box, "tide", rng=np.random.default_rng(2), prior=near(elsewhere), before=0.95
+    )  # fmt: skip
+    assert within(moved, X_WO, "tide")
 
 
 @pytest.mark.parametrize("box", [(0, 0, 0, 0), (-90, -90, 20, 20), (1000, 50, 20, 20)], ids=str)

@@ -229,3 +229,21 @@ def test_false_detections_and_their_fates_are_told(run_folder: Path) -> None:
     words = Page(write_report(run_folder).read_text()).words
     assert "false detections: mug 0.42 corrected to toy, tide 0.20 rejected." in words
     assert words.count("false detections") == 1
+
+
+def test_faults_ends_and_what_was_believed_of_attempts_are_told(run_folder: Path) -> None:
+    data = json.loads((run_folder / "summary.json").read_text())
+    data["faults"] = [
+        {"kind": "swept", "observation": 0, "object": "mug", "happened": True, "dealt_with_after": 2,
+         "belief": "found again, 0.93"},
+        {"kind": "taken", "observation": 1, "object": None, "happened": False, "dealt_with_after": None,
+         "belief": "the run was over before"},
+    ]  # fmt: skip
+    data["attempts"][0]["believed"] = {"placed": 0.02, "stayed": 0.7, "slipped": 0.28}
+    write_json(run_folder / "summary.json", data)
+    page = (write_report(run_folder)).read_text()
+    for words in ("Faults", "found again, 0.93", "2 looks", "the run was over before", "stayed 0.70, slipped 0.28"):
+        assert words in page
+    del data["faults"], data["attempts"][0]["believed"]
+    write_json(run_folder / "summary.json", data)
+    assert "Faults" not in write_report(run_folder).read_text(), "summaries written before there were any"

@@ -14,6 +14,7 @@ from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
 from sum_drake.objects import load_catalogue
+from sum_drake.presence import PresenceCheck
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.ports import abstract, unpack
 from sum_drake.systems.scene_estimator import SceneEstimator
@@ -34,8 +35,8 @@ def catalogue():
 def update_belief(catalogue):
     """`belief.update` as the sorting diagram binds it, with fewer particles."""
     return functools.partial(
-        belief.update, estimator=PoseEstimator(catalogue, FILTER), filter_config=FILTER,
-        association_config=ASSOCIATION, acceptance=belief.AcceptanceConfig(), unique_labels=True, seed=1,
+        belief.update, estimator=PoseEstimator(catalogue, FILTER), presence=PresenceCheck(catalogue),
+        catalogue=catalogue, config=belief.BeliefConfig(FILTER, ASSOCIATION, belief.AcceptanceConfig(), True, 1),
     )  # fmt: skip
 
 
@@ -117,6 +118,21 @@ def test_what_changes_on_the_ports_while_the_counter_stands_still_is_not_taken_i
     assert record.frame.observation == 0
 
 
+def test_what_comes_late_and_an_action_on_nothing_are_logged_and_harmless(caplog):
+    bench = Bench()
+    for count, action in ((3, ACTION), (2, None)):
+        bench.count(count)
+        bench.show(blank(count - 1))
+        bench.fix("executed_action", action)
+        bench.wait()
+    assert len(bench.calls) == 1
+    assert bench.out("scene_belief").observation == 2
+    missing, gone, late = [record.getMessage() for record in caplog.records]
+    assert "observation 2 after -1: 2 missing" in missing
+    assert "observation 2: the action's target, track 0, is no longer believed" in gone
+    assert "observation 1 after 2: left out, since it is older" in late
+
+
 def test_no_input_reaches_an_output_within_an_instant():
     assert not Bench().system.HasAnyDirectFeedthrough()
 
@@ -154,14 +170,15 @@ def test_inputs_of_different_observations_never_make_a_record(update_belief, det
 def test_with_its_associator_it_finds_an_object_and_knows_it_again(catalogue, update_belief):
     """The loop through the associator as in the sorting diagram, with the real update of the belief."""
     builder = DiagramBuilder()
-    associator = builder.AddNamedSystem("data_associator", DataAssociator(config=ASSOCIATION))
+    associator = builder.AddNamedSystem("data_associator", DataAssociator(catalogue=catalogue, config=ASSOCIATION))
     estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update_belief, period=0.1))
     builder.Connect(estimator.GetOutputPort("scene_belief"), associator.GetInputPort("scene_belief"))
     builder.Connect(associator.GetOutputPort("associations"), estimator.GetInputPort("associations"))
     index = builder.ExportInput(associator.GetInputPort("detections"), "detections")
     builder.ConnectInput(index, estimator.GetInputPort("detections"))
-    for port in ("observe", "frame", "executed_action"):
-        builder.ExportInput(estimator.GetInputPort(port), port)
+    for port in ("frame", "executed_action"):
+        builder.ConnectInput(builder.ExportInput(estimator.GetInputPort(port), port), associator.GetInputPort(port))
+    builder.ExportInput(estimator.GetInputPort("observe"), "observe")
     builder.ExportOutput(estimator.GetOutputPort("perception"), "perception")
     diagram = builder.Build()
     simulator = Simulator(diagram)

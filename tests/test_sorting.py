@@ -17,6 +17,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, InputPortIndex, L
 from scenes import standing
 
 from sum_drake.assets import InputError
+from sum_drake.faults import absent_labels
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.summary_schema import validate_summary
@@ -175,6 +176,55 @@ def test_the_simulated_detector_reads_labels_and_no_other_truth(catalogue, X_WOs
     assert leaks(diagram, X_WOs) == []
     detector, station = diagram.GetSubsystemByName("object_detector"), diagram.GetSubsystemByName("station")
     assert LABEL_IMAGE in {origin(station, p) for s, p in sources(diagram, detector) if s.get_name() == "station"}
+
+
+def test_faults_stand_between_a_signal_and_all_who_read_it(catalogue, X_WOs):
+    scenario = load_scenario(name="faults", catalogue=catalogue)
+    absent = absent_labels(scenario.faults, catalogue.labels, list(X_WOs), 0)
+    diagram = make_sorting(scenario, X_WOs, catalogue, absent=absent)
+    faults = {"camera_fault", "detection_fault", "grip_fault"}
+    assert {system.get_name() for system in diagram.GetSystems()} == (SYSTEMS | faults) - {"run_log"}
+    assert leaks(diagram, X_WOs) == []
+    test_every_input_is_connected(diagram)
+    read = {}
+    for system in diagram.GetSystems():
+        for source, port in sources(diagram, system):
+            read.setdefault((source.get_name(), port), set()).add(system.get_name())
+    assert read["frame_assembler", "frame"] == {"camera_fault"}
+    assert read["object_detector", "detections"] == {"detection_fault"}
+    assert read["arm_controller", "desired_state"] == {"grip_fault"}
+
+
+def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
+    faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: mug}]"
+    text = f"{{objects: {{labels: [sugar]}}, faults: {faults}}}"
+    scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
+    episode = run(scenario, catalogue)
+    summary = score(episode, scenario, catalogue, versions={}, device="cpu")
+    validate_summary(summary)
+    camera, added = summary["faults"]
+    assert (camera["happened"], camera["dealt_with_after"]) == (True, 1)
+    assert (added["object"], added["happened"]) == ("mug", True)
+    assert added["dealt_with_after"] in (1, 2)
+    assert added["belief"].startswith("found again")
+    assert {row["label"] for row in summary["objects"]} == {"sugar", "mug"}
+    assert episode.outcome == "cleared"
+    assert summary["objects_sorted"] == summary["objects_total"] == 2
+    believed = [row["believed"] for row in summary["attempts"] if row["outcome"] == "sorted"]
+    assert believed and all(max(shares, key=shares.get) == "placed" for shares in believed)
+
+
+def test_an_object_that_slips_and_is_dropped_is_picked_again(catalogue):
+    text = "{objects: {labels: [sugar]}, faults: [{kind: slipped, observation: 0}, {kind: dropped, observation: 1}]}"
+    scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
+    summary = score(run(scenario, catalogue), scenario, catalogue, versions={}, device="cpu")
+    slipped, dropped = summary["faults"]
+    assert slipped["happened"] and dropped["happened"]
+    assert {slipped["object"], dropped["object"]} == {"sugar"}
+    assert slipped["dealt_with_after"] in (1, 2) and dropped["dealt_with_after"] in (1, 2)
+    first, second, *_ = summary["attempts"]
+    assert (first["reason"], second["reason"]) == ("empty_hand", "lost_in_transport")
+    assert first["believed"]["placed"] == 0.0 and second["believed"]["placed"] < 0.2
 
 
 def test_weights_that_cannot_be_used_are_named_before_anything_runs(catalogue, X_WOs, tmp_path):

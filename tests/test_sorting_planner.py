@@ -6,7 +6,7 @@ from test_playback import MOTION
 from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.systems.sorting_planner import SortingPlanner, holds
+from sum_drake.systems.sorting_planner import Feel, SortingPlanner
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import (
     Attempt,
@@ -66,6 +66,9 @@ class Bench:
         state[:8] = VIEW
         state[8:10] = gap / 2
         self.planner.GetInputPort("robot_state").FixValue(self.context, state)
+        effort = np.zeros(12)
+        effort[-2:] = -60.0 if 0.002 < gap < 0.1 else 0.0
+        self.planner.GetInputPort("effort").FixValue(self.context, effort)
 
     def wait(self, seconds=0.25):
         self.simulator.AdvanceTo(self.context.get_time() + seconds)
@@ -117,6 +120,8 @@ def test_a_pick_that_holds_goes_on_to_place_and_is_told_with_what_was_felt():
     assert (action.track, action.released) == (5, True)
     assert action.gap_lift == pytest.approx(0.038)
     assert action.gap_place == pytest.approx(0.036), "before the hand opened"
+    assert (action.squeeze_lift, action.squeeze_place) == (60.0, 60.0)
+    assert (action.held_lift, action.held_place) == (True, True)
     refused, attempt = bench.out("attempts")
     assert refused == REFUSED
     assert (attempt.reason, attempt.region, attempt.grasp_candidates) == ("executed", "bin", 20)
@@ -158,11 +163,12 @@ def test_looks_again_when_nothing_can_be_done_and_counts_it():
 
 
 def test_a_hand_holds_what_is_about_as_wide_as_the_grasp():
-    assert holds(0.038, 0.04)
-    assert holds(0.0025, 0.003), "a thin wall"
-    assert not holds(0.001, 0.003)
-    assert not holds(0.01, 0.04)
-    assert not holds(0.1, 0.08), "the fingers never closed"
+    assert Feel(0.038, 60.0).holds(0.04)
+    assert Feel(0.0025, 60.0).holds(0.003), "a thin wall"
+    assert not Feel(0.001, 60.0).holds(0.003)
+    assert not Feel(0.01, 60.0).holds(0.04)
+    assert not Feel(0.1, 60.0).holds(0.08), "the fingers never closed"
+    assert not Feel(0.038, 1.0).holds(0.04), "nothing resists the fingers"
 
 
 def test_no_input_reaches_an_output_within_an_instant():

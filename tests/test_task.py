@@ -289,3 +289,22 @@ def test_a_belief_that_leaves_no_way_back_is_not_believed(q_over_table):
     assert not SCENE.with_solids((solid_of(CATALOGUE["tide"], X_WO),)).is_free(VIEW)
     for segment in motion.segments:
         assert SCENE.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
+
+
+def test_a_picture_without_depth_is_no_clear_table():
+    seen = see({}, [])
+    assert make_task().decide(seen, (), 0, VIEW).outcome == "cleared"
+    dark = dataclasses.replace(seen.frame, depth=readonly(np.zeros_like(seen.frame.depth), np.float32))
+    seen = dataclasses.replace(seen, frame=dark)
+    choices = [make_task().decide(seen, (), looks, VIEW) for looks in range(CONFIG.max_looks)]
+    assert [type(choice) for choice in choices] == [Look] * (CONFIG.max_looks - 1) + [Stop]
+    assert choices[-1].outcome == "stopped: the camera shows depth of 0 % of the table"
+
+
+def test_what_is_likely_there_but_hidden_is_waited_for():
+    hidden = dataclasses.replace(believe("mug", standing(CATALOGUE, "mug", 0.6, 0.1), accepted=False), seen=-1)
+    choices = [make_task().decide(see({}, [hidden]), (), looks, VIEW) for looks in range(CONFIG.max_looks)]
+    assert [type(choice) for choice in choices] == [Look] * (CONFIG.max_looks - 1) + [Stop]
+    assert choices[-1].outcome == "stopped: mug is believed to be there but cannot be seen"
+    doubted = dataclasses.replace(hidden, probability=0.2)
+    assert make_task().decide(see({}, [doubted]), (), 0, VIEW).outcome == "cleared"

@@ -1,6 +1,7 @@
 """`sum-drake bench`: the experiments."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from sum_drake.commands.common import (
@@ -35,6 +36,7 @@ def add(commands: Commands) -> None:
     one.add_argument("--force", action="store_true", help="replace the results that are in the folder")
     add_quiet(one)
     _add_pose(benches)
+    _add_reject(benches)
     _add_speed(benches)
 
 
@@ -96,9 +98,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
     check_count("--workers", options.workers)
     check_count("--scenes", options.scenes)
     check_device(options.device)
-    begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
-    if options.force or not begun:
-        check_free(options.out, FILES, force=options.force, what="bench")
+    _check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     found = bench_pose(
@@ -115,6 +115,50 @@ def _bench_pose(options: argparse.Namespace) -> None:
     )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
+
+
+def _add_reject(benches: Commands) -> None:
+    text = "whether a belief can be trusted, and what it makes of faults"
+    one = add_command(benches, "reject", _bench_reject, text, "bench reject --out out/reject")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
+    one.add_argument("--quick", action="store_true", help="fewer tables, scenes and sequences")
+    one.add_argument("--seed", type=int, metavar="S", default=0, help="of tables and meshes (default: 0)")
+    add_catalogue(one)
+    add_parallel(one, "--workers", "processes")
+    one.add_argument("--force", action="store_true", help="start anew in the folder")
+    add_quiet(one)
+
+
+def _bench_reject(options: argparse.Namespace) -> None:
+    from sum_drake.bench.aims import format_figures
+    from sum_drake.bench.reject import FILES, FULL, QUICK, bench_reject
+    from sum_drake.bench.reject_figures import AIMS
+    from sum_drake.doctor import require_rendering
+    from sum_drake.objects import load_catalogue
+
+    check_count("--seed", options.seed, least=0)
+    check_count("--workers", options.workers)
+    _check_free_or_begun(options, FILES)
+    catalogue = load_catalogue(options.catalogue)
+    require_rendering()
+    found = bench_reject(
+        options.out,
+        catalogue,
+        size=QUICK if options.quick else FULL,
+        seed=options.seed,
+        workers=options.workers,
+        anew=options.force,
+        progress=Counting(quiet=options.quiet),
+    )
+    print(format_figures(found, AIMS))
+    print(options.out / "report.html")
+
+
+def _check_free_or_begun(options: argparse.Namespace, files: Sequence[str]) -> None:
+    """Refuses a folder in use, unless what is in it is to go on."""
+    begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
+    if options.force or not begun:
+        check_free(options.out, files, force=options.force, what="bench")
 
 
 def _bench_detect(options: argparse.Namespace) -> None:
