@@ -161,8 +161,10 @@ class _Scorer:
         false = kind == "false_detection"
         first = begun if false else begun + 1
         last = min(begun + REPEATED, len(self.perceptions)) if false else len(self.perceptions)
-        for step in range(first, last):
-            words = [self._right(k, label, first) for k in range(step, last if false else min(step + 2, last))]
+        # A look that shows nothing settles nothing.
+        seeing = [step for step in range(first, last) if self.perceptions[step].frame.depth.any()]
+        for i, step in enumerate(seeing):
+            words = [self._right(k, label, first) for k in (seeing[i:] if false else seeing[i : i + 2])]
             if all(words):  # Right once might be luck.
                 return step - begun + false, words[0]
         if first >= len(self.perceptions):

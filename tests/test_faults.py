@@ -83,6 +83,20 @@ def test_what_was_swept_is_found_again_after_so_many_looks(story, catalogue):
     assert (row["dealt_with_after"], row["belief"]) == (2, "found again, 0.90")
 
 
+def test_a_blind_look_in_between_settles_nothing(story, catalogue):
+    here, there = standing(catalogue, "mug", 0.6, 0.1), standing(catalogue, "mug", 0.7, -0.1)
+    story.look([track(0, "mug", here)], {"mug": here})
+    story.look([track(0, "mug", there)], {"mug": there})
+    story.look([track(0, "mug", there, accepted=False)], {"mug": there})
+    blind = dataclasses.replace(
+        story.perceptions[-1].frame, depth=readonly(np.zeros_like(story.frame.depth), np.float32)
+    )
+    story.perceptions[-1] = dataclasses.replace(story.perceptions[-1], frame=blind)
+    story.look([track(0, "mug", there)], {"mug": there})
+    row = story.told(FaultConfig("swept", 0), acts=[HandAct(0, "swept", 0, 3.0, "mug")])
+    assert (row["dealt_with_after"], row["belief"]) == (1, "found again, 0.90")
+
+
 def test_what_was_taken_is_declared_gone_with_its_reason(story, catalogue):
     X_WO = standing(catalogue, "mug", 0.6, 0.1)
     story.look([track(0, "mug", X_WO)], {"mug": X_WO})
