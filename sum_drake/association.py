@@ -19,7 +19,8 @@ class AssociationConfig:
     spawn_threshold: float = 0.05
     """Least p(b | z) p(o | b, z) of an unmatched (box, label) for a new track."""
     max_missed: int = 2
-    """K: a track that is not accepted ends after this many observations in a row without an association."""
+    """K: a track that is less probable than accepted ones ends after this many looks in a row that could see it and did
+    not detect it."""
     max_tracks: int = 60
     """The most that are followed at a time: the surest detections spawn first, until there is no room."""
 

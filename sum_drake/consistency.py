@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 from sum_drake.geometry import apply, inverse, pose_error
 from sum_drake.modes import RIGHT
 from sum_drake.objects import ObjectModel, sample_surface
+from sum_drake.presence import LEAST_PIXELS
 from sum_drake.types import Array, Track
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ SAME_M, SAME_RAD = RIGHT[0], np.radians(RIGHT[1])
 """Two estimates within these agree."""
 SHARED = 0.5
 """Two hypotheses that explain more than this share of the depth pixels of either explain the same thing."""
-LEAST_PIXELS = 40
-"""Two hypotheses contend for depth only where each explains as many pixels."""
 EXACT = 12
 """Hypotheses that hang together by conflicts, up to which they are weighed exactly."""
 POINTS = 400

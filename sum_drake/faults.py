@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sum_drake.assets import InputError
+from sum_drake.consistency import agree
 from sum_drake.evaluation import Truth, where_is
-from sum_drake.geometry import pose_error, rotation_from_quaternion, transform
-from sum_drake.modes import RIGHT
+from sum_drake.existence import LIKELY
+from sum_drake.geometry import rotation_from_quaternion, transform
 from sum_drake.rendering import predicted_box
-from sum_drake.types import Array, Attempt, Detection, Frame, Immutable, Perception, Region
+from sum_drake.types import Array, Attempt, Detection, Frame, Immutable, Perception, Region, readonly
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -32,8 +33,6 @@ NEED_ABSENT = ("added", "false_detection")
 """Kinds that need an object which is not on the table."""
 REPEATED = 3
 """Observations in which a false detection is made."""
-LIKELY = 0.5
-"""A track that is at least as probable is believed in."""
 SURE = 0.9
 """p(b | z) and p(o | b, z) of a false detection."""
 
@@ -96,6 +95,12 @@ def false_detection(label: str, frame: Frame, table: Region, vertices: Array, rn
     p_WO = table.p_W + table.half_extents * [*rng.uniform(-0.6, 0.6, 2), -0.9]
     box = predicted_box(vertices, transform(rotation_from_quaternion(rng.normal(size=4)), p_WO), frame)
     return Detection(box, SURE, ((label, SURE),))
+
+
+def blinded(frame: Frame) -> Frame:
+    """The frame of a camera that failed: black and without depth."""
+    black = readonly(np.zeros_like(frame.color), np.uint8)
+    return dataclasses.replace(frame, color=black, depth=readonly(np.zeros_like(frame.depth), np.float32))
 
 
 def score_faults(
@@ -210,7 +215,4 @@ class _Scorer:
 
     def _is_right(self, step: int, label: str, X_WO: Array) -> bool:
         truth = dict(self.truths[step].X_WOs).get(label)
-        if truth is None:
-            return False
-        shift, angle = pose_error(X_WO, truth, self.catalogue[label].symmetry)
-        return bool(shift < RIGHT[0] and angle < np.radians(RIGHT[1]))
+        return truth is not None and agree(X_WO, truth, label, self.catalogue)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sum_drake.existence import LIKELY
 from sum_drake.geometry import apply, inverse, rotation_angle
 from sum_drake.grasp_ranking import rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
@@ -27,8 +28,6 @@ POLICIES: dict[str, Callable[[Track], float]] = {
 
 SHOWN = 0.5
 """Share of the table that must be seen with depth before it counts as clear."""
-LIKELY = 0.5
-"""An unseen object that is at least as probable may be there."""
 
 
 @dataclasses.dataclass

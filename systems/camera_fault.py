@@ -1,14 +1,13 @@
 """A camera that fails now and then."""
 
-import dataclasses
 from collections.abc import Collection
 
-import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
+from sum_drake.faults import blinded
 from sum_drake.systems.ports import abstract
-from sum_drake.types import Frame, readonly
+from sum_drake.types import Frame
 
 
 class CameraFault(LeafSystem):
@@ -34,6 +33,5 @@ class CameraFault(LeafSystem):
     def _calc_frame(self, context: Context, output: Value[object]) -> None:
         frame: Frame = self._frame.Eval(context)
         if frame.observation in self._observations:
-            black = readonly(np.zeros_like(frame.color), np.uint8)
-            frame = dataclasses.replace(frame, color=black, depth=readonly(np.zeros_like(frame.depth), np.float32))
+            frame = blinded(frame)
         output.set_value(frame)

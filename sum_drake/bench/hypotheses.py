@@ -6,9 +6,9 @@ import numpy as np
 
 from sum_drake.bench.tables import Sight, Table
 from sum_drake.bench.watching import Setting, Tables
+from sum_drake.consistency import agree
 from sum_drake.evaluation import Truth, score_observation
-from sum_drake.geometry import inverse, pose_error
-from sum_drake.modes import RIGHT
+from sum_drake.geometry import inverse
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer
 from sum_drake.types import (
@@ -24,10 +24,7 @@ SEEN_SHARE, SEEN_PIXELS = 0.3, 300
 def is_right(track: Track, table: Table, catalogue: Catalogue) -> bool:
     """Whether the track's object is there, and where it says."""
     X_WO = table.X_WOs.get(track.label)
-    if X_WO is None:
-        return False
-    shift, angle = pose_error(track.X_WO, X_WO, catalogue[track.label].symmetry)
-    return bool(shift < RIGHT[0] and angle < np.radians(RIGHT[1]))
+    return X_WO is not None and agree(track.X_WO, X_WO, track.label, catalogue)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -49,13 +49,13 @@ def report_page(
             ("what happened", "", "objects", "after the first look", "within two"),
             [_fault_row(name, [one for one in outcomes if one.fault == name]) for name in FAULTS],
         ),
-        "<h3>Actions: what happened to the target, and what was believed after one look</h3>",
+        "<h2>Actions: what happened to the target, and what was believed after one look</h2>",
         page.table(("happened", *(f"believed {name}" for name in OUTCOMES)), _confusion_rows(outcomes)),
     ]
     missed = [one for one in outcomes if one.handled_after == 0]
     if missed:
         parts += [
-            "<h3>Not found again, nor given up</h3>",
+            "<h2>Not found again, nor given up</h2>",
             page.table(
                 ("table", "what happened", "object", "where it is"),
                 [

@@ -14,6 +14,8 @@ from sum_drake.bench.hypotheses import SEEN_PIXELS, Judged, is_right, is_visible
 from sum_drake.bench.tables import TABLE_TOP, Sight, Table, Thing, changed
 from sum_drake.bench.watching import Matched, Setting, Tables, Update, Watcher
 from sum_drake.detection.scene_rendering import body_of
+from sum_drake.existence import LIKELY
+from sum_drake.faults import blinded
 from sum_drake.geometry import rotation_from_quaternion, rotation_from_vector, transform
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import predicted_box
@@ -22,8 +24,6 @@ from sum_drake.visual_mesh import visual_mesh
 
 LOOKS = 2
 """Observations after what happened, within which it must be dealt with."""
-LIKELY = 0.5
-"""A track that is at least as probable is believed in."""
 BIN = np.array([0.12, 0.62, 0.47])
 """Where things go: out of the camera's sight."""
 GAP = 0.05
@@ -221,7 +221,7 @@ def run_sequence(tables: Tables, at: Setting, fault: str) -> Followed | None:
     for k in range(1, LOOKS + 1):
         sight = onlooker.look(event.table, k, rng)
         if event.blind and k == 1:
-            watcher.observe(event.table, _blind(sight))
+            watcher.observe(event.table, Sight(blinded(sight.frame), np.zeros_like(sight.owners)))
             continue
         record = watcher.observe(event.table, sight, event.action if k == 1 else None)
         judged += judge(record, event.table, at, tables.catalogue)
@@ -239,16 +239,6 @@ def run_sequence(tables: Tables, at: Setting, fault: str) -> Followed | None:
         if visible[label] or label not in event.table.X_WOs
     )
     return Followed(outcomes, tuple(judged), tuple(watcher.updates), tuple(watcher.matched))
-
-
-def _blind(sight: Sight) -> Sight:
-    frame = sight.frame
-    dark = dataclasses.replace(
-        frame,
-        color=readonly(np.zeros_like(frame.color), np.uint8),
-        depth=readonly(np.zeros_like(frame.depth), np.float32),
-    )
-    return Sight(dark, np.zeros_like(sight.owners))
 
 
 def _is_handled(label: str, table: Table, visible: bool, tracks: tuple[Track, ...], tables: Tables) -> bool:
