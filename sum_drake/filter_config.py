@@ -42,6 +42,8 @@ class FilterConfig:
     """Share of particles started from the box when there is a prior to go on from."""
     tracking_particles: int = 300
     """At the start, when there is a prior to go on from."""
+    tracking_particles_last: int = 250
+    """The same for the last iteration, and the belief."""
     tracking_iterations: int = 3
     """The same for iterations."""
     tracking_candidates: int = 8
@@ -129,6 +131,7 @@ def filter_config(name: str = "default") -> FilterConfig:
             flipped=0.0,
             fresh=0.0,
             tracking_particles=625,
+            tracking_particles_last=625,
             tracking_iterations=25,
             epsilon_first=0.008,
             epsilon=0.008,

@@ -172,7 +172,11 @@ class PoseEstimator:
         fresh = start(sought, int(config.fresh * config.tracking_particles), rng)
         particles = join(held[len(fresh) :], fresh)
         # Tracking starts half-way down the schedule of noise: the prior is near, or else of no use.
-        few = dataclasses.replace(config, candidates=min(config.candidates, config.tracking_candidates))
+        few = dataclasses.replace(
+            config,
+            particles_last=config.tracking_particles_last,
+            candidates=min(config.candidates, config.tracking_candidates),
+        )
         again = dataclasses.replace(sought, config=few)
         tracked = self._search(again, label, particles, config.tracking_iterations, 0.5, rng, held)
         if config.candidates == 0 or tracked.likelihood(config) >= before - config.tracking_loss:

@@ -6,7 +6,6 @@ from contours import FULL, grouped, scribble
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sum_drake.detection import edge_groups
 from sum_drake.detection.edge_groups import affinities
 from sum_drake.detection.edges import find_edges
 
@@ -69,13 +68,3 @@ def test_affinity_is_that_of_equation_1():
     assert len(expected) > 4
     assert found.keys() == expected.keys()
     assert found == pytest.approx(expected, abs=1e-5)
-
-
-def test_compiled_code_is_not_kept_where_nothing_can_be_written(monkeypatch):
-    def refuse(function=None, **options):
-        if options.get("cache"):
-            return lambda f: (_ for _ in ()).throw(RuntimeError("cannot cache function: no locator available"))
-        return function
-
-    monkeypatch.setattr(edge_groups.numba, "njit", refuse)
-    assert edge_groups.compiled(len) is len

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.assets import InputError
+from sum_drake.compiled import compiled
 from sum_drake.detection.edge_groups import (
     LEAST_AFFINITY,
     Affinities,
@@ -22,7 +23,6 @@ from sum_drake.detection.edge_groups import (
     Groups,
     Ints,
     affinities,
-    compiled,
     describe_groups,
     group_edges,
 )

@@ -3,26 +3,16 @@
 Edge pixels are joined to groups of little bend. Two near groups are akin when one continues the other.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sum_drake.compiled import compiled
 from sum_drake.types import Array
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def compiled(function: F) -> F:
-    """The function as machine code, kept on disk where there is a place to keep it."""
-    try:
-        return cast(F, numba.njit(cache=True)(function))
-    except RuntimeError:  # neither the package's folder nor the user's can be written
-        return cast(F, numba.njit(function))
 
 
 @compiled
