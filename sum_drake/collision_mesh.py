@@ -10,6 +10,7 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.collada import read_collada
 from sum_drake.types import Array
 
 DRAKE_READS = (".obj", ".gltf", ".vtk")
@@ -73,7 +74,11 @@ def convex_pieces(path: Path, scale: Array, where: str) -> list[Array]:
 
 def _load(path: Path, where: str) -> trimesh.Trimesh:
     try:
-        mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
+        if path.suffix.lower() == ".dae":
+            triangles = read_collada(path)
+            mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False)
+        else:
+            mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
     except Exception as error:
         raise InputError(f"{where}: mesh {path} cannot be read ({one_line(error)}); expected a mesh file") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
@@ -101,32 +106,56 @@ def _hull(points: Array) -> tuple[Array, float]:
 def _cut(triangles: Array) -> list[Array]:
     """Vertices (n, 3) of the hulls of connected triangles (m, 3, 3), the piece first that gains most by a cut."""
     whole = _hull(triangles.reshape(-1, 3))
-    pieces = [(triangles, *whole, _best_cut(triangles, whole[1]))]
+    if _enclosed(triangles) > (1 - GAIN) * whole[1]:
+        return [whole[0]]
+    pieces = [(triangles, *whole, _worth(triangles, whole[1]))]
     while len(pieces) < PIECES:
         best = max(range(len(pieces)), key=lambda i: pieces[i][3][0])
         gain, halves = pieces[best][3]
         if gain < GAIN * whole[1]:
             break
         made = [(half, *_hull(half.reshape(-1, 3))) for half in halves]
-        pieces[best : best + 1] = [(*piece, _best_cut(piece[0], piece[2])) for piece in made]
+        pieces[best : best + 1] = [(*piece, _worth(piece[0], piece[2])) for piece in made]
     return [piece[1] for piece in pieces]
 
 
-def _best_cut(triangles: Array, volume: float) -> tuple[float, tuple[Array, ...]]:
+def _enclosed(triangles: Array) -> float:
+    """The volume that closed triangles (m, 3, 3) enclose."""
+    a, b, c = np.moveaxis(triangles - triangles.mean((0, 1)), 1, 0)
+    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
+
+
+def _worth(triangles: Array, volume: float) -> tuple[float, tuple[Array, ...]]:
+    """What one cut saves; where that is little, what two in a row do: half a ring fills half of the ring's hull."""
+    gain, halves = _best_cut(triangles, volume, _CUTS)
+    if gain >= GAIN * volume:
+        return gain, halves
+    longest = int(np.ptp(triangles, axis=(0, 1)).argmax())
+    first_gain, first = _best_cut(triangles, volume, (0.5,), (longest,), least=-np.inf)
+    later = sum(_best_cut(half, _hull(half.reshape(-1, 3))[1], (0.4, 0.5, 0.6))[0] for half in first)
+    return (first_gain + later, first) if first and first_gain + later > gain else (gain, halves)
+
+
+def _best_cut(
+    triangles: Array,
+    volume: float,
+    shares: tuple[float, ...],
+    axes: tuple[int, ...] = (0, 1, 2),
+    least: float = 0.0,
+) -> tuple[float, tuple[Array, ...]]:
     """The volume saved by the best of a few planes across the axes, and the triangles on its two sides."""
     low, high = triangles.min((0, 1)), triangles.max((0, 1))
-    best: tuple[float, tuple[Array, ...]] = (0.0, ())
-    for axis in range(3):
+    best: tuple[float, tuple[Array, ...]] = (least, ())
+    for axis, share in itertools.product(axes, shares):
         if high[axis] - low[axis] < 100 * THIN:
             continue
-        for share in _CUTS:
-            at = low[axis] + share * (high[axis] - low[axis])
-            halves = tuple(_clip(triangles, axis, at, side) for side in (-1.0, 1.0))
-            if not all(map(len, halves)):
-                continue
-            gain = volume - sum(_hull(half.reshape(-1, 3))[1] for half in halves)
-            if gain > best[0]:
-                best = gain, halves
+        at = low[axis] + share * (high[axis] - low[axis])
+        halves = tuple(_clip(triangles, axis, at, side) for side in (-1.0, 1.0))
+        if not all(map(len, halves)):
+            continue
+        gain = volume - sum(_hull(half.reshape(-1, 3))[1] for half in halves)
+        if gain > best[0]:
+            best = gain, halves
     return best
 
 

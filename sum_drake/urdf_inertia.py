@@ -8,7 +8,7 @@ import numpy as np
 
 from sum_drake.assets import InputError
 from sum_drake.types import Array
-from sum_drake.urdf import UserJoint, name_of, number, origin_of, some_of
+from sum_drake.urdf import MOVING, UserJoint, name_of, number, origin_of, some_of
 
 
 def check_inertias(root: ElementTree.Element, joints: Sequence[UserJoint], path: Path, notes: list[str]) -> None:
@@ -54,13 +54,16 @@ def check_inertias(root: ElementTree.Element, joints: Sequence[UserJoint], path:
 def _check_turns(
     joint: UserJoint, joints: Sequence[UserJoint], moments: dict[str, tuple[float, Array, Array]], path: Path
 ) -> None:
-    """Refuses a joint that turns a mass without any inertia about its axis: no effort moves that as it should."""
+    """Refuses a last joint that turns a mass without any inertia about its axis: no effort turns that as it should."""
     if joint.kind not in ("revolute", "continuous"):
         return
     total, heaviest, stack = 0.0, ("", 0.0), [(joint.child, np.eye(4))]
     while stack:
         link, X_JL = stack.pop()
-        stack += [(j.child, X_JL @ j.X_PJ) for j in joints if j.parent == link]
+        further = [each for each in joints if each.parent == link]
+        if any(each.kind in MOVING for each in further):
+            return
+        stack += [(each.child, X_JL @ each.X_PJ) for each in further]
         if link in moments:
             mass, p_LC, I_L = moments[link]
             a = X_JL[:3, :3].T @ joint.axis
