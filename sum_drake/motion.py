@@ -42,13 +42,21 @@ class NoPath(Immutable):
     checks: int = 0
 
 
-def plan_path(scene: CheckedScene, q_start: Array, q_goals: Array, *, seed: int, budget: int = 4000) -> Path | NoPath:
+def plan_path(
+    scene: CheckedScene,
+    q_start: Array,
+    q_goals: Array,
+    *,
+    seed: int,
+    budget: int = 4000,
+    stop: Callable[[], bool] = lambda: False,
+) -> Path | NoPath:
     """A short free path from q_start (n,) to one of q_goals (m, n), or why there is none.
 
     RRT-Connect (Kuffner and LaValle 2000) searches rooms of growing size, and gives up in one after its share of
     `budget` calls of the planner's termination condition; shortcuts are taken. Edges are checked every `FINE` radians
     or proven free, and the whole path once more by Drake. No clock is asked, so the answer depends on the arguments
-    alone.
+    alone; a bench may `stop` searches earlier by one of its own.
     """
     q_goals = np.atleast_2d(q_goals)
     if not scene.is_free(q_start):
@@ -56,7 +64,7 @@ def plan_path(scene: CheckedScene, q_start: Array, q_goals: Array, *, seed: int,
     free = np.flatnonzero(scene.free_many(q_goals))
     if not len(free):
         return NoPath("goal_in_collision", scene.colliding_pairs(q_goals[0]))
-    edges, reason = _Edges(scene), "budget"
+    edges, reason = _Edges(scene, stop), "budget"
     for attempt in range(_CONFIRMATIONS):
         qs = _search(edges, q_start, q_goals[free], seed + attempt, budget)
         if qs is None:
@@ -76,17 +84,17 @@ differ only where a path grazes something by less than a thousandth of its dista
 class _Edges:
     """Counts the edges that are checked."""
 
-    def __init__(self, scene: CheckedScene) -> None:
-        self._model, self.count, self.space = scene.model, 0, scene.space
+    def __init__(self, scene: CheckedScene, stop: Callable[[], bool]) -> None:
+        self._model, self.count, self.space, self.stop = scene.model, 0, scene.space, stop
 
     def free(self, q0: Array, q1: Array) -> bool:
         self.count += 1
         return self._model.edge_free(q0, q1, FINE)
 
 
-_ROOMS = (0.5, 1.2, 3.0)
-"""How far (seconds at full speed) a search may leave the box spanned by start and goals: near first, where paths are
-short."""
+_ROOMS = ((0.5, 0.15), (1.2, 0.2), (3.0, 0.25), (np.inf, 0.4))
+"""How far (seconds at full speed) a search may leave the box spanned by start and goals, and its share of the budget:
+near first, where paths are short."""
 _SEARCHES = 2
 """Once one search has found a path, this many in all are made: the quickest of them saves more than it costs."""
 
@@ -97,10 +105,10 @@ def _search(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budget: in
         if edges.free(q_start, q_goal):
             return np.stack([q_start, q_goal])
     seeds = np.random.SeedSequence(seed).generate_state(_SEARCHES).tolist()
-    for room in _ROOMS:
+    for room, share in _ROOMS:
         found: list[Array] = []
         for each in seeds:
-            qs = _rrt_connect(edges, q_start, q_goals, room, each, budget // len(_ROOMS))
+            qs = _rrt_connect(edges, q_start, q_goals, room, each, round(share * budget))
             if qs is None:
                 break
             found.append(_shortcut(edges, qs, np.random.default_rng(each)))
@@ -116,8 +124,11 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
     joints, n = edges.space, len(edges.space.names)
     scale = 1.0 / joints.velocity  # OMPL searches in seconds: each joint divided by its speed limit
     ends = np.vstack([q_start, q_goals])
-    lower = np.minimum(np.maximum(joints.lower, ends.min(0) - room / scale), ends.min(0))
-    upper = np.maximum(np.minimum(joints.upper, ends.max(0) + room / scale), ends.max(0))
+    # A joint that turns without end gets anywhere within half a turn.
+    endless = np.isinf(joints.lower)
+    reach = np.where(endless, np.minimum(room / scale, np.pi), room / scale)
+    lower = np.minimum(np.maximum(joints.lower, ends.min(0) - reach), ends.min(0))
+    upper = np.maximum(np.minimum(joints.upper, ends.max(0) + reach), ends.max(0))
 
     space = ob.RealVectorStateSpace(n)
     bounds = ob.RealVectorBounds(n)
@@ -158,7 +169,7 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
     planner.setProblemDefinition(problem)
     planner.setup()
     calls = itertools.count()
-    planner.solve(ob.PlannerTerminationCondition(lambda: next(calls) >= budget))
+    planner.solve(ob.PlannerTerminationCondition(lambda: next(calls) >= budget or edges.stop()))
     if not problem.hasExactSolution():
         return None
     return np.array([q_of(given) for given in problem.getSolutionPath().getStates()])
