@@ -76,7 +76,9 @@ def _load(path: Path, where: str) -> trimesh.Trimesh:
     try:
         if path.suffix.lower() == ".dae":
             triangles = read_collada(path)
-            mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False)
+            mesh = trimesh.Trimesh(
+                triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False
+            )
         else:
             mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
     except Exception as error:
