@@ -3,6 +3,7 @@
 import itertools
 import os
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlparse
 
 import numpy as np
@@ -73,12 +74,11 @@ def convex_pieces(path: Path, scale: Array, where: str) -> list[Array]:
 
 
 def _load(path: Path, where: str) -> trimesh.Trimesh:
+    mesh: Any
     try:
         if path.suffix.lower() == ".dae":
-            triangles = read_collada(path)
-            mesh = trimesh.Trimesh(
-                triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False
-            )
+            corners = read_collada(path).reshape(-1, 3)
+            mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
         else:
             mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
     except Exception as error:

@@ -125,6 +125,19 @@ def test_problems_that_cannot_be_used(robot, change, words):
             read(robot, PROBLEM, lacking)
 
 
+def test_names_may_be_anything_but_blank(robot):
+    (problem,) = read(
+        robot, PROBLEM | {"request": "a\nb", "obstacles": [BALL | {"id": name} for name in ("x", " x\n", "x::y")]}
+    )
+    assert problem.request == "a\nb", "as it is in the file"
+    assert [obstacle.name for obstacle in problem.obstacles] == ["x", "x#2", "x::y"]
+    assert refusal(problem_checker(robot, problem), robot, problem, "goal").count("forearm with x") == 3
+    for change in ({"request": " "}, {"obstacles": [BALL | {"id": "\n"}]}, {"joints": ["a\nb"]}):
+        with pytest.raises(InputError) as caught:
+            read(robot, PROBLEM | change)
+        assert "\n" not in str(caught.value)
+
+
 def test_files_that_are_no_problems(robot, tmp_path):
     for content, words in (("{}", "is no list of problems"), ("[]", "is no list"), ("[1]", "problem 0: is no object"),
                            ("[", "expected JSON"), ("[" * 100_000, "expected JSON")):  # fmt: skip

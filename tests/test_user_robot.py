@@ -167,6 +167,13 @@ def test_floating_and_planar_joints_are_held_and_said(tmp_path):
         assert free(make_checker(robot, NAMES), [0, 0])
 
 
+def test_a_link_may_be_called_world(tmp_path):
+    body = ARM + '<link name="world"/><joint name="fix" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    robot = load_robot(write_urdf(tmp_path, body))
+    assert robot.base == "world"
+    assert not free(make_checker(robot, NAMES, [block("ahead", [0.3, 0.0, 0.5])]), [0, np.pi / 2])
+
+
 def test_pairs_that_an_srdf_disables_may_touch(tmp_path):
     low = BEND.replace('xyz="0 0 0.4"', 'xyz="0.2 0 0.0"')  # bent back, the forearm lies in the base
     urdf = write_urdf(tmp_path, BASE + POST + FOREARM + TURN + low.replace('lower="-2"', 'lower="-4"'))
