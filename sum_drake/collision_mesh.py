@@ -3,10 +3,12 @@
 import itertools
 import os
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlparse
 
 import numpy as np
 import trimesh
+from pydrake.geometry import Convex
 from scipy.spatial import ConvexHull, QhullError
 
 from sum_drake.assets import MODELS, InputError, one_line
@@ -73,12 +75,20 @@ def convex_pieces(path: Path, scale: Array, where: str) -> list[Array]:
 
 
 def _load(path: Path, where: str) -> trimesh.Trimesh:
+    mesh: Any
+    kind = path.suffix.lower()
     try:
-        if path.suffix.lower() == ".dae":
-            triangles = read_collada(path)
-            mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False)
+        if kind == ".dae":
+            corners = read_collada(path).reshape(-1, 3)
+            mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+        elif kind == ".vtk":
+            hull = Convex(filename=str(path)).GetConvexHull()
+            points = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+            mesh = trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
         else:
             mesh = trimesh.load(path, force="mesh", skip_materials=True, process=False)
+            if kind in (".gltf", ".glb"):  # their y is up, which Drake makes z
+                mesh.apply_transform([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     except Exception as error:
         raise InputError(f"{where}: mesh {path} cannot be read ({one_line(error)}); expected a mesh file") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):

@@ -65,9 +65,9 @@ def read_problem(entry: Any, where: str, robot: UserRobot) -> PlanningProblem:
     request = entry.get("request")
     if isinstance(request, int) and not isinstance(request, bool):
         request = str(request)
-    if not isinstance(request, str) or not request:
+    if not isinstance(request, str) or not _plain(request):
         raise InputError(f"{where}: request is {_said(entry, 'request')}; expected a name")
-    where = f"{where} ('{request}')"
+    where = f"{where} ('{_plain(request)}')"
     joints = entry.get("joints")
     if not isinstance(joints, list) or not joints or not all(isinstance(name, str) for name in joints):
         raise InputError(f"{where}: joints is {_said(entry, 'joints')}; expected a list of names of joints")
@@ -189,11 +189,16 @@ def _depth(depth: float) -> str:
 def _why_not(name: str, robot: UserRobot) -> str:
     joint = next((joint for joint in robot.joints if joint.name == name), None)
     if joint is None:
-        return f"the robot has no '{name}'"
+        return f"the robot has no '{_plain(name)}'"
     if joint.follows is not None:
         return f"'{name}' mimics '{joint.follows[0]}'"
     follower = next((other.name for other in robot.joints if other.follows and other.follows[0] == name), None)
     return f"'{name}' is mimicked by '{follower}'" if follower else f"'{name}' is {joint.kind}"
+
+
+def _plain(name: str) -> str:
+    """A name in one line, without blanks at its ends."""
+    return " ".join(name.split())
 
 
 def _said(entry: dict[str, Any], key: str) -> str:
@@ -224,7 +229,8 @@ def _obstacle(entry: Any, where: str) -> Obstacle:
     name = entry.get("id")
     if isinstance(name, int) and not isinstance(name, bool):
         name = str(name)
-    if not isinstance(name, str) or not name:
+    # Drake takes blanks off the ends of names.
+    if not isinstance(name, str) or not (name := _plain(name)):
         raise InputError(f"{where}: id is {_said(entry, 'id')}; expected a name")
     where = f"{where} ('{name}')"
     kind = entry.get("type")

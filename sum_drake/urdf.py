@@ -123,10 +123,11 @@ def _shapes(geometry: ElementTree.Element | None, path: Path, where: str) -> lis
         scale = numbers(element, "scale", "1 1 1", 3, f"{where}: mesh '{name}'")
         if not scale.all():
             raise InputError(f"{where}: mesh '{name}' is scaled by 0; expected other numbers")
-        return [
-            Convex(points=points.T, label=Path(name).name)
-            for points in convex_pieces(find_mesh(name, path, where), scale, where)
-        ]
+        pieces = convex_pieces(find_mesh(name, path, where), scale, where)
+        hulls = [Convex(points=points.T, label=Path(name).name) for points in pieces]
+        for hull in hulls:
+            hull.GetConvexHull()  # computed here, it is shared by all checkers of the robot
+        return hulls
     if kind not in ("box", "sphere", "cylinder", "capsule"):
         raise InputError(f"{where}: is a <{kind}>; expected a box, sphere, cylinder, capsule or mesh")
     keys = {"box": ("size",), "sphere": ("radius",)}.get(kind, ("radius", "length"))

@@ -12,6 +12,14 @@ BEND = """<joint name="bend" type="revolute"><parent link="post"/><child link="f
 ARM = BASE + POST + FOREARM + TURN + BEND
 """A post of .4 m that turns about z, with a forearm of .4 m on it that bends about y."""
 
+FOLLOWER = """<link name="tip"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
+  <joint name="slide" type="prismatic"><parent link="forearm"/><child link="tip"/><origin xyz="0 0 0.5"/>
+  <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1" effort="1"/>
+  <mimic joint="{}" multiplier="2" offset="{}"/></joint>
+  <link name="bare"/><joint name="lead" type="revolute"><parent link="base"/><child link="bare"/><axis xyz="0 0 1"/>
+  <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>"""
+"""A link on the arm whose joint mimics another; for that one's name and the offset."""
+
 
 def inertial(mass, ixx, iyy, izz, ixy=0.0, xyz="0 0 0"):
     return f"""<inertial><origin xyz="{xyz}"/><mass value="{mass}"/>

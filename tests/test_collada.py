@@ -36,13 +36,14 @@ def test_triangles_in_metres(tmp_path, mesh):
 
 def test_nodes_place_what_is_in_them(tmp_path):
     scene = """<node id="n"><translate>10 0 0</translate><rotate>0 0 1 90</rotate>
-      <node><scale>2 2 2</scale><matrix>1 0 0 0 0 1 0 0 0 0 1 5 0 0 0 1</matrix><instance_geometry url="#g"/></node></node>"""
+      <node><scale>2 2 2</scale><matrix>1 0 0 0 0 1 0 0 0 0 1 5 0 0 0 1</matrix>
+      <instance_geometry url="#g"/></node></node>"""
     x, y, z = (2 * CORNERS + [0, 0, 0.1]).T
     placed = np.column_stack([0.1 - y, x, z])
     np.testing.assert_allclose(read(tmp_path, TWO, scene), placed[[[0, 1, 2], [0, 2, 3]]], atol=1e-12)
     again = scene + '<node><translate>0 0 7</translate><instance_node url="#n"/></node>'
     both = read(tmp_path, TWO, again)
-    np.testing.assert_allclose(both[2:], both[:2] + [0, 0, 0.07], atol=1e-12)
+    np.testing.assert_allclose(both[2:], both[:2] + np.array([0, 0, 0.07]), atol=1e-12)
 
 
 def test_broken_files_raise(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from pydrake.geometry import Convex
 from scipy.spatial import ConvexHull
 
 from sum_drake.assets import InputError
@@ -69,6 +70,38 @@ def test_parts_that_touch_nothing_are_hulls_of_their_own(tmp_path):
 def test_what_drake_reads_is_one_hull_as_it_is_to_drake(tmp_path):
     (piece,) = pieces_of(tmp_path, trimesh.util.concatenate(angle_iron()), "part.obj")
     assert ConvexHull(piece).volume == pytest.approx(0.06225)
+
+
+VTK = """# vtk DataFile Version 3.0
+one tetrahedron
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 4 double
+0 0 0
+1 0 0
+0 2 0
+0 0 3
+CELLS 1 5
+4 0 1 2 3
+CELL_TYPES 1
+10
+"""
+
+
+def test_files_that_drake_reads_are_what_they_are_to_drake(tmp_path):
+    box = trimesh.creation.box([1, 2, 3])
+    box.apply_translation([0, 0, 5])
+    for name, content in trimesh.exchange.gltf.export_gltf(trimesh.Scene(box)).items():
+        (tmp_path / name).write_bytes(content)
+    box.export(tmp_path / "model.obj")
+    (tmp_path / "model.vtk").write_text(VTK)
+    for path in (tmp_path / f"model.{kind}" for kind in ("gltf", "obj", "vtk")):
+        hull = Convex(filename=str(path)).GetConvexHull()
+        points = np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+        (piece,) = convex_pieces(path, ONE, "x")
+        np.testing.assert_allclose(np.sort(piece.round(9), axis=0), np.sort(points.round(9), axis=0), atol=1e-6)
+    box.export(tmp_path / "model.glb")
+    np.testing.assert_allclose(convex_pieces(tmp_path / "model.glb", ONE, "x")[0].mean(0), [0, -5, 0], atol=1e-6)
 
 
 def test_convex_meshes_stay_as_they_are(tmp_path):

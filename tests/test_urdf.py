@@ -71,5 +71,7 @@ def test_a_joint_without_limits_has_none_and_a_speed(tmp_path):
 
 
 def test_limits_of_a_continuous_joint_are_not_limits(tmp_path):
-    robot = load_robot(write_urdf(tmp_path, ARM.replace('<limit velocity="1.5"', '<limit lower="0" upper="0" velocity="0"')))
+    robot = load_robot(
+        write_urdf(tmp_path, ARM.replace('<limit velocity="1.5"', '<limit lower="0" upper="0" velocity="0"'))
+    )
     assert (robot.lower[0], robot.upper[0], robot.velocity[0]) == (-np.inf, np.inf, SPEED)

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.geometry import Box
-from small_robots import ARM, BASE, BEND, FOREARM, POST, TURN, collision, inertial, write_srdf, write_urdf
+from small_robots import ARM, BASE, BEND, FOLLOWER, FOREARM, POST, TURN, collision, inertial, write_srdf, write_urdf
 
 from sum_drake import robot as fetch
 from sum_drake.assets import InputError, asset
@@ -106,9 +106,11 @@ def test_a_missing_collision_mesh_is_one_line_and_a_missing_picture_none(tmp_pat
     picture = '<visual><geometry><mesh filename="package://gone/picture.dae"/></geometry></visual>'
     forearm = FOREARM.replace("<collision>", picture + "<collision>")
     assert load_robot(write_urdf(tmp_path, BASE + POST + forearm + TURN + BEND)).names == NAMES
-    gone = collision("<mesh filename=\"package://gone/arm.stl\"/>")
-    forearm = f"<link name=\"forearm\">{gone}</link>"
-    with pytest.raises(InputError, match=r"link 'forearm': collision: mesh 'package://gone/arm.stl' is missing") as caught:
+    gone = collision('<mesh filename="package://gone/arm.stl"/>')
+    forearm = f'<link name="forearm">{gone}</link>'
+    with pytest.raises(
+        InputError, match=r"link 'forearm': collision: mesh 'package://gone/arm.stl' is missing"
+    ) as caught:
         load_robot(write_urdf(tmp_path, BASE + POST + forearm + TURN + BEND))
     assert "\n" not in str(caught.value)
 
@@ -120,8 +122,10 @@ def test_downloads_need_not_be_allowed(tmp_path, monkeypatch):
 
 def test_what_simulators_and_drivers_add_is_passed_over(tmp_path):
     extra = """<transmission name="t"><type>x</type><joint name="turn"/></transmission>
-      <gazebo reference="post"><material>Gazebo/Red</material></gazebo><material name="red"><color rgba="1 0 0 1"/></material>
-      <link name="frame"/><joint name="odd" type="fixed"><parent link="forearm"/><child link="frame"/><axis xyz="0 0 0"/></joint>"""
+      <gazebo reference="post"><material>Gazebo/Red</material></gazebo>
+      <material name="red"><color rgba="1 0 0 1"/></material>
+      <link name="frame"/><joint name="odd" type="fixed"><parent link="forearm"/>
+      <child link="frame"/><axis xyz="0 0 0"/></joint>"""
     robot = load_robot(write_urdf(tmp_path, ARM + extra))
     assert robot.names == NAMES
     assert free(make_checker(robot, NAMES), [0, 0])
@@ -140,13 +144,6 @@ def test_spheres_on_links_of_their_own(tmp_path):
     assert not free(checker, [0, np.pi / 2])
 
 
-FOLLOWER = """<link name="tip"><collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision></link>
-  <joint name="slide" type="prismatic"><parent link="forearm"/><child link="tip"/><origin xyz="0 0 0.5"/>
-  <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1" effort="1"/><mimic joint="{}" multiplier="2" offset="{}"/></joint>
-  <link name="bare"/><joint name="lead" type="revolute"><parent link="base"/><child link="bare"/><axis xyz="0 0 1"/>
-  <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>"""
-
-
 def test_a_joint_that_mimics_is_held_at_its_offset(tmp_path):
     robot = load_robot(write_urdf(tmp_path, ARM + FOLLOWER.format("lead", 0.3)))
     assert robot.names == NAMES, "neither leader nor follower can be planned for"
@@ -160,11 +157,21 @@ def test_a_joint_that_mimics_is_held_at_its_offset(tmp_path):
 
 def test_floating_and_planar_joints_are_held_and_said(tmp_path):
     for kind in ("floating", "planar"):
-        body = ARM + f'<link name="cart"/><joint name="roam" type="{kind}"><parent link="cart"/><child link="base"/></joint>'
+        body = (
+            ARM
+            + f'<link name="cart"/><joint name="roam" type="{kind}"><parent link="cart"/><child link="base"/></joint>'
+        )
         robot = load_robot(write_urdf(tmp_path, body))
         assert (robot.base, robot.names) == ("cart", NAMES)
         assert robot.notes == (f"{robot.path}: joint 'roam' is {kind}: held where it is at 0",)
         assert free(make_checker(robot, NAMES), [0, 0])
+
+
+def test_a_link_may_be_called_world(tmp_path):
+    body = ARM + '<link name="world"/><joint name="fix" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    robot = load_robot(write_urdf(tmp_path, body))
+    assert robot.base == "world"
+    assert not free(make_checker(robot, NAMES, [block("ahead", [0.3, 0.0, 0.5])]), [0, np.pi / 2])
 
 
 def test_pairs_that_an_srdf_disables_may_touch(tmp_path):
