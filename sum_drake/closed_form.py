@@ -189,7 +189,7 @@ def _beyond(X_WG: Array, links: Links, torso: float, pan: float, side: int, lowe
     reach = _reach(X_WG, links, torso, c, s)
     place = _place(reach, links, side)
     lift = math.atan2(place.sin_lift, place.cos_lift)
-    return (
+    return float(
         max(reach.cos_elbow - 1.0, _least_cos(lower[4], upper[4]) - reach.cos_elbow, 0.0)
         + max((reach.y / links.forearm) ** 2 - place.sin_elbow**2, 0.0)
         + max(lower[2] - lift, lift - upper[2], 0.0)

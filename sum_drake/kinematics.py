@@ -3,6 +3,11 @@
 Torso and shoulder pan are the arm's two redundant joints: with both chosen, trigonometry gives the other six
 (`closed_form.py`). Inverse kinematics is therefore a sweep over a grid of the two, exact at every point of it; a
 straight line of the hand is the same closed form along a line in those two joints, on one of the eight branches.
+
+It stands where Drake's InverseKinematics with restarts could: on the same 200 poses, that (SNOPT, 8 starts) solves
+98.5 %, to a tenth of a millimetre, in 4.2 ms; this solves all, exactly, each in up to 32 ways to choose from, in .26 ms
+(`benchmarks/ik_drake.py`). Of poses as hard as they come it misses some 2 in 10,000 (`bench/plan_ik.py`), which can be
+had only within the margin.
 """
 
 import dataclasses
@@ -17,13 +22,14 @@ from sum_drake.types import Array, readonly
 CONTINUOUS = np.array([joint.kind == "continuous" for joint in robot.ARM_JOINTS])
 """(8,) which of ARM_JOINTS turn without end."""
 
-_LINKS = closed_form.Links(
+LINKS = closed_form.Links(
     shoulder=tuple(np.add(robot.TORSO.origin, robot.ARM[0].origin).tolist()),
     lift=robot.ARM[1].origin,
     upper_arm=robot.ARM[2].origin[0] + robot.ARM[3].origin[0],
     forearm=robot.ARM[4].origin[0] + robot.ARM[5].origin[0],
     hand=robot.ARM[6].origin[0] + robot.GRIPPER_ORIGIN[0],
 )
+"""Of this arm."""
 _LOWER, _UPPER = robot.limits()
 _VELOCITY = robot.velocity_limits()
 _TORSO_SHIFTS = np.array([0.0, 0.04, -0.04, 0.08, -0.08, 0.15, -0.15])
@@ -103,7 +109,7 @@ class Arm:
         torsos, pans = np.append(near[0], self.torsos), np.append(near[1], self.pans)
         chosen = []
         for X_WG in np.array(X_WGs, dtype=float).reshape(-1, 4, 4):
-            found = closed_form.sweep(X_WG, torsos, pans, near, _LINKS, lower, upper)
+            found = closed_form.sweep(X_WG, torsos, pans, near, LINKS, lower, upper)
             if thorough and not len(found):
                 found = _between(X_WG, near, lower, upper)
             chosen.append(_choose(found, near, count, spread, _VELOCITY, _LOWER, _UPPER))
@@ -117,7 +123,7 @@ class Arm:
         """
         X_WGs = np.array(X_WGs, dtype=float).reshape(-1, 4, 4)
         q_start = np.array(q_start, dtype=float).reshape(8)
-        paths = closed_form.follow(X_WGs, q_start, _SHIFTS, step, _LINKS, *self._limits())
+        paths = closed_form.follow(X_WGs, q_start, _SHIFTS, step, LINKS, *self._limits())
         seconds = (np.abs(np.diff(paths, axis=1)).sum(1) / _VELOCITY).max(-1)
         paths = paths[np.argsort(seconds, kind="stable")[:count]]
         paths[:, 0] = q_start
@@ -139,11 +145,11 @@ def _between(X_WG: Array, near: Array, lower: Array, upper: Array) -> Array:
     """Solutions (n, 8) between the lines of a grid on which there are none."""
     torsos, pans = (np.linspace(lower[j], upper[j], count) for j, count in ((0, 8), (1, 32)))
     found = [np.empty((0, 8))]
-    for torso, pan in closed_form.seek(X_WG, torsos, pans, _LINKS, lower, upper):
+    for torso, pan in closed_form.seek(X_WG, torsos, pans, LINKS, lower, upper):
         # What there is around the place that was found, too, as that lies at the very edge.
         around = np.linspace(-0.5, 0.5, 9)
         nearby = torso + around * (torsos[1] - torsos[0]), pan + around * (pans[1] - pans[0])
-        found.append(closed_form.sweep(X_WG, *nearby, near, _LINKS, lower, upper))
+        found.append(closed_form.sweep(X_WG, *nearby, near, LINKS, lower, upper))
     return np.concatenate(found)
 
 
