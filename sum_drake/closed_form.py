@@ -91,6 +91,8 @@ def _place(reach: _Reach, links: Links, side: int) -> _Place:
     along, across = links.upper_arm + links.forearm * cos_elbow, -radius * cos_roll
     sin_lift, cos_lift = across * reach.x - along * reach.z, along * reach.x + across * reach.z
     length = math.hypot(sin_lift, cos_lift)
+    if length == 0.0:  # the wrist on the lift's axis, where no elbow bends so far: any lift is as good
+        sin_lift, cos_lift, length = 0.0, 1.0, 1.0
     return _Place(sin_lift / length, cos_lift / length, sin_roll, cos_roll, sin_elbow, cos_elbow)
 
 

@@ -6,8 +6,8 @@ straight line of the hand is the same closed form along a line in those two join
 
 It stands where Drake's InverseKinematics with restarts could: on the same 200 poses, that (SNOPT, 8 starts) solves
 98.5 %, to a tenth of a millimetre, in 4.2 ms; this solves all, exactly, each in up to 32 ways to choose from, in .26 ms
-(`benchmarks/ik_drake.py`). Of poses as hard as they come it misses some 2 in 10,000 (`bench/plan_ik.py`), which can be
-had only within the margin.
+(`benchmarks/ik_drake.py`). Of 40,000 poses as hard as they come (`bench/plan_ik.py`) it misses 4, which can be had only
+closer to a limit than the margin.
 """
 
 import dataclasses

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sum_drake import robot
-from sum_drake.closed_form import seek, sweep
+from sum_drake.closed_form import Links, seek, sweep
 from sum_drake.kinematics import LINKS, Arm
 
 ARM = Arm()
@@ -71,3 +71,11 @@ def test_a_search_for_what_is_out_of_reach_ends_with_nothing():
     X_WG = np.eye(4)
     X_WG[:3, 3] = 2.0, 0.0, 0.8
     assert seek(X_WG, np.linspace(0, 0.38, 4), np.linspace(-1.6, 1.6, 8), LINKS, lower, upper).shape == (0, 2)
+
+
+def test_a_wrist_on_the_axis_of_the_lift_is_out_of_reach():
+    lower, upper = robot.limits()
+    links = Links((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.35, 0.32, 0.0)
+    torsos, pans = np.array([0.0, 0.1]), np.array([0.0, 0.5])
+    assert sweep(np.eye(4), torsos, pans, np.zeros(8), links, lower, upper).shape == (0, 8)
+    assert seek(np.eye(4), torsos, pans, links, lower, np.minimum(upper, [0.1, *[np.inf] * 7])).shape == (0, 2)
