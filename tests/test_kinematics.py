@@ -33,7 +33,9 @@ def lifted(X_WG, height, count):
     return X_WGs
 
 
-def test_forward_is_that_of_the_urdf():
+@pytest.fixture(scope="module")
+def hand_of_urdf():
+    """X_WG (4, 4) of q (8,), by Drake."""
     plant = MultibodyPlant(0.0)
     make_parser(plant).AddModels(url=robot.FETCH_URDF)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base_link"))
@@ -41,12 +43,25 @@ def test_forward_is_that_of_the_urdf():
     context = plant.CreateDefaultContext()
     hand = plant.GetBodyByName("gripper_link")
     order = [plant.GetJointByName(joint.name).position_start() for joint in robot.ARM_JOINTS]
-    for q in random_positions(np.random.default_rng(0), 20):
+
+    def pose(q):
         positions = np.zeros(plant.num_positions())
         positions[order] = q
         plant.SetPositions(context, positions)
-        X_WG = plant.EvalBodyPoseInWorld(context, hand).GetAsMatrix4()
-        np.testing.assert_allclose(ARM.forward(q), X_WG, atol=1e-12)
+        return plant.EvalBodyPoseInWorld(context, hand).GetAsMatrix4()
+
+    return pose
+
+
+def test_forward_is_that_of_the_urdf(hand_of_urdf):
+    for q in random_positions(np.random.default_rng(0), 20):
+        np.testing.assert_allclose(ARM.forward(q), hand_of_urdf(q), atol=1e-12)
+
+
+def test_solutions_put_the_hand_of_the_urdf_there(hand_of_urdf):
+    for X_WG in ARM.forward_many(random_positions(np.random.default_rng(5), 20)):
+        for q in ARM.solutions(X_WG):
+            np.testing.assert_allclose(hand_of_urdf(q), X_WG, atol=1e-9)
 
 
 def test_reachable_poses_are_solved():
@@ -73,6 +88,71 @@ def test_solutions_are_exact_distinct_and_within_limits(seed):
     assert (np.abs(qs - near)[:, CONTINUOUS] <= np.pi + 1e-9).all()
     apart = np.abs(qs[:, None] - qs[None]).max(-1)
     assert (apart + np.eye(len(qs)) >= 0.4).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0.0, 2.0), st.booleans())
+def test_the_cheapest_that_differ_are_chosen(seed, count, spread, close_to_limits):
+    rng = np.random.default_rng(seed)
+    q, near = random_positions(rng, 2)
+    if close_to_limits:
+        near[[1, 2, 4, 6]] *= 0.98 / np.abs(near[[1, 2, 4, 6]])
+    every = ARM.solutions(ARM.forward(q), near=near, count=5000, spread=0.0)
+    lower, upper = robot.limits()
+    seconds = np.abs(every - near) / robot.velocity_limits()
+    room = np.minimum(every - lower, upper - every)[:, 1:].min(1, initial=np.inf)
+    costs = seconds.max(1, initial=0.0) + 0.15 * seconds.sum(1) + 5.0 * np.maximum(0.0, 0.15 - room)
+    assert (np.diff(costs) >= -1e-12).all()
+    wanted = []
+    for q_next in every:
+        if len(wanted) < count and all(np.abs(q_next - other).max() >= spread for other in wanted):
+            wanted.append(q_next)
+    chosen = ARM.solutions(ARM.forward(q), near=near, count=count, spread=spread)
+    np.testing.assert_array_equal(chosen, np.reshape(wanted, (-1, 8)))
+
+
+def test_many_poses_at_once_are_solved_as_one_by_one():
+    near = random_positions(np.random.default_rng(6), 1)[0]
+    X_WGs = ARM.forward_many(random_positions(np.random.default_rng(7), 20))
+    X_WGs[3, 0, 3] = 5.0
+    together = ARM.solutions_many(X_WGs, near=near, count=5)
+    assert len(together) == len(X_WGs)
+    assert together[3].shape == (0, 8)
+    for qs, X_WG in zip(together, X_WGs, strict=True):
+        np.testing.assert_array_equal(qs, ARM.solutions(X_WG, near=near, count=5))
+    assert ARM.solutions_many(np.empty((0, 4, 4))) == []
+
+
+def test_what_the_grid_misses_is_found_between_its_lines():
+    # Stretched upwards with the torso as high as it goes: only a sliver of torso heights and pans reaches so far.
+    rng = np.random.default_rng(8)
+    qs = random_positions(rng, 300)
+    qs[:, 0] = robot.TORSO.upper - 0.001 - 0.002 * rng.random(300)
+    qs[:, 1:3] = rng.uniform([-1.5, -1.2], [1.5, -0.9], (300, 2))
+    qs[:, [4, 6]] *= 0.02
+    X_WGs = ARM.forward_many(qs)
+    on_grid = ARM.solutions_many(X_WGs, thorough=False)
+    between = ARM.solutions_many(X_WGs)
+    assert sum(len(found) > 0 for found in on_grid) < 200
+    assert sum(len(found) > 0 for found in between) >= 297
+    for found, X_WG in zip(between, X_WGs, strict=True):
+        if len(found):
+            assert_reaches(found, X_WG)
+        assert ARM.within_limits(found).all()
+
+
+def test_arrays_of_any_kind_are_taken():
+    q = np.array([0.2, 0.3, 0.2, 0.4, 0.9, 0.7, 0.5, -0.5])
+    X_WG = ARM.forward(q)
+    wanted = ARM.solutions(X_WG, near=q)
+    frozen = np.asfortranarray(X_WG)
+    frozen.flags.writeable = False
+    np.testing.assert_array_equal(ARM.solutions(frozen, near=q.tolist()), wanted)
+    assert len(ARM.solutions(np.full((4, 4), np.nan))) == 0
+    with pytest.raises(ValueError, match="reshape"):
+        ARM.solutions(X_WG[:3])
+    with pytest.raises(ValueError, match="reshape"):
+        ARM.solutions(X_WG, near=q[:7])
 
 
 def test_the_reference_itself_is_the_first_choice():
@@ -107,6 +187,21 @@ def test_a_straight_line_is_followed_without_jumps():
                 np.testing.assert_allclose(ARM.forward_many(path), X_WGs, atol=1e-6)
                 followed += 1
     assert followed > 20
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(-0.15, 0.15))
+def test_what_follows_a_line_keeps_its_branch_and_moves_torso_and_pan_evenly(seed, height):
+    X_WGs = lifted(ARM.forward(random_positions(np.random.default_rng(seed), 1)[0]), height, 16)
+    for q_start in ARM.solutions(X_WGs[0], count=2):
+        for path in ARM.follow(X_WGs, q_start, count=100, step=0.2):
+            np.testing.assert_array_equal(path[0], q_start)
+            np.testing.assert_allclose(np.diff(path[:, :2], 2, axis=0), 0.0, atol=1e-9)
+            assert ARM.within_limits(path).all()
+            assert np.abs(np.diff(path, axis=0)).max() < 0.2
+            np.testing.assert_allclose(ARM.forward_many(path), X_WGs, atol=1e-6)
+            for branch in (np.sin(path[:, 4]), np.cos(path[:, 3]), np.sin(path[:, 6])):
+                assert (np.abs(branch) < 1e-6).any() or len(set(np.sign(branch))) == 1
 
 
 def test_a_line_that_leaves_the_workspace_is_not_followed():
