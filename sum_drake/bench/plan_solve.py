@@ -46,7 +46,10 @@ def solve(robot: UserRobot, problem: PlanningProblem, *, seed: int, time_limit: 
     if said:
         return Solved(problem.request, why[0] is None, why[1] is None, False, 0.0, [], said)
     begun = time.process_time()
-    over = lambda: time.process_time() - begun > time_limit  # noqa: E731
+
+    def over() -> bool:
+        return time.process_time() - begun > time_limit
+
     found: Path | NoPath = NoPath("budget")
     budget, searches = BUDGET, 0
     while not over():
