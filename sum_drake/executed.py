@@ -18,26 +18,24 @@ FULL = 0.999
 
 _ORDER = np.array([STATE_JOINTS.index(joint) for joint in JOINTS])
 """Where each of JOINTS stands in the measured state."""
-_LOWER, _UPPER = np.array([joint.lower for joint in JOINTS]), np.array([joint.upper for joint in JOINTS])
-_SPEED, _EFFORT = np.array([joint.velocity for joint in JOINTS]), np.array([joint.effort for joint in JOINTS])
-_MIDDLE = np.array([0.0 if joint.kind == "continuous" else (joint.lower + joint.upper) / 2 for joint in JOINTS])
-_ARM = len(ARM_JOINTS)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LimitUse(Immutable):
-    """Of all samples so far; shares of a limit, 1 is at the limit, each (12,) over `robot.JOINTS`."""
+    """Of all samples; shares of a limit, 1 is at the limit, over `robot.JOINTS`."""
 
-    samples: int = 0
-    position: Array = dataclasses.field(default_factory=lambda: readonly(np.zeros(len(JOINTS))))
-    """Largest distance from the middle of a joint's range, by half of it; 0 for joints that turn without end."""
-    speed: Array = dataclasses.field(default_factory=lambda: readonly(np.zeros(len(JOINTS))))
-    acceleration: Array = dataclasses.field(default_factory=lambda: readonly(np.zeros(_ARM)))
+    samples: int
+    position: Array
+    """(12,): largest distance from the middle of a joint's range, by half of it; 0 for joints that turn without end."""
+    speed: Array
+    """(12,)."""
+    acceleration: Array
     """(8,), of ARM_JOINTS: by differences of measured speeds, so that whatever is met shows."""
-    effort: Array = dataclasses.field(default_factory=lambda: readonly(np.zeros(len(JOINTS))))
-    at_full_effort: Array = dataclasses.field(default_factory=lambda: readonly(np.zeros(len(JOINTS))))
-    """Share of the samples in which a drive gave all it has: as fingers that hold something are meant to."""
-    violations: tuple[tuple[str, int], ...] = tuple((kind, 0) for kind in KINDS)
+    effort: Array
+    """(12,)."""
+    at_full_effort: Array
+    """(12,): share of the samples in which a drive gave all it has, as fingers that hold something are meant to."""
+    violations: tuple[tuple[str, int], ...]
     """Samples in which some joint was beyond a limit, by kind of limit."""
 
     @property
@@ -46,32 +44,31 @@ class LimitUse(Immutable):
         return sum(count for _, count in self.violations)
 
 
-def measured(use: LimitUse, state: Array, effort: Array, before: Array | None = None, step: float = 0.0) -> LimitUse:
-    """What was used with one more sample.
+def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
+    """What was used, and what was violated.
 
-    state: the station's measured state (24,); effort: measured (12,). before: the last sample's state, `step` seconds
-    ago; without it there is no acceleration.
+    states: (n, 24) measured states of the station, `step` seconds from one to the next; efforts: (n, 12), measured.
     """
     n = len(JOINTS)
-    q, v = state[:n][_ORDER], state[n:][_ORDER]
-    with np.errstate(invalid="ignore"):  # no middle between infinities
-        position = np.nan_to_num(np.abs(q - _MIDDLE) / ((_UPPER - _LOWER) / 2))
-    speed, pushed = np.abs(v) / _SPEED, np.abs(effort) / _EFFORT
-    acceleration = use.acceleration
-    if before is not None and step > 0.0:
-        acceleration = np.abs(state[n : n + _ARM] - before[n : n + _ARM]) / step / ACCELERATION
+    q, v = states[:, :n][:, _ORDER], states[:, n:][:, _ORDER]
+    lower, upper = np.array([joint.lower for joint in JOINTS]), np.array([joint.upper for joint in JOINTS])
+    ends = np.isfinite(upper)
+    position = np.zeros_like(q)
+    position[:, ends] = np.abs(2 * q - lower - upper)[:, ends] / (upper - lower)[ends]
+    speed = np.abs(v) / np.array([joint.velocity for joint in JOINTS])
+    effort = np.abs(efforts) / np.array([joint.effort for joint in JOINTS])
+    acceleration = np.abs(np.diff(v[:, : len(ARM_JOINTS)], axis=0)) / step / ACCELERATION
     beyond = {
-        "position": bool(((q < _LOWER - POSITION_SLACK) | (q > _UPPER + POSITION_SLACK)).any()),
-        "speed": bool((speed > 1.0 + SPEED_SLACK).any()),
-        "effort": bool((pushed > 1.0 + 1e-6).any()),
+        "position": (q < lower - POSITION_SLACK) | (q > upper + POSITION_SLACK),
+        "speed": speed > 1.0 + SPEED_SLACK,
+        "effort": effort > 1.0 + 1e-6,
     }
-    share = 1.0 / (use.samples + 1)
     return LimitUse(
-        samples=use.samples + 1,
-        position=np.maximum(use.position, position),
-        speed=np.maximum(use.speed, speed),
-        acceleration=np.maximum(use.acceleration, acceleration),
-        effort=np.maximum(use.effort, pushed),
-        at_full_effort=use.at_full_effort + share * ((pushed > FULL) - use.at_full_effort),
-        violations=tuple((kind, count + beyond[kind]) for kind, count in use.violations),
+        samples=len(states),
+        position=readonly(position.max(0, initial=0.0)),
+        speed=readonly(speed.max(0, initial=0.0)),
+        acceleration=readonly(acceleration.max(0, initial=0.0)),
+        effort=readonly(effort.max(0, initial=0.0)),
+        at_full_effort=readonly((effort > FULL).sum(0) / max(len(effort), 1)),
+        violations=tuple((kind, int(beyond[kind].any(1).sum())) for kind in KINDS),
     )

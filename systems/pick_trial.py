@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, System
+from pydrake.systems.primitives import LogVectorOutput
 
 from sum_drake.assets import one_line
-from sum_drake.executed import LimitUse
+from sum_drake.executed import LimitUse, limit_use
 from sum_drake.objects import Catalogue
 from sum_drake.systems.arm_controller import ArmController
-from sum_drake.systems.limit_watch import LimitWatch
 from sum_drake.systems.ports import abstract
 from sum_drake.systems.referee import Referee, TruthSample
 from sum_drake.systems.scenario import Scenario
@@ -79,14 +79,14 @@ def run_picks(
     plant = station.GetSubsystemByName("plant")
     hand = int(plant.GetBodyByName("gripper_link").index())
     referee = builder.AddNamedSystem("referee", Referee(objects=object_bodies(station), hand=hand, period=POLL))
-    watch = builder.AddNamedSystem("limit_watch", LimitWatch(period=scenario.plant_config.time_step))
+    step = scenario.plant_config.time_step
+    logs = [LogVectorOutput(station.GetOutputPort(f"fetch.{what}"), builder, step) for what in ("state", "effort")]
 
     def connect(source: System, output: str, target: System, port: str) -> None:
         builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
 
-    for target in (planner, watch):
-        connect(station, "fetch.state", target, "robot_state")
-        connect(station, "fetch.effort", target, "effort")
+    connect(station, "fetch.state", planner, "robot_state")
+    connect(station, "fetch.effort", planner, "effort")
     connect(controller, "motion_status", planner, "motion_status")
     connect(planner, "motion", controller, "motion")
     connect(controller, "desired_state", station, "fetch.desired_state")
@@ -116,11 +116,11 @@ def run_picks(
         while not outcome and root.get_time() < duration:
             simulator.AdvanceTo(duration)
             outcome = str(said.Eval(of_planner))
-            step = len(told)
-            if round(observe.Eval(of_planner)[0]) > step:
+            observation = len(told)
+            if round(observe.Eval(of_planner)[0]) > observation:
                 X_WBs = station.GetOutputPort("truth.body_poses").Eval(station.GetMyContextFromRoot(root))
-                told[step] = {k: readonly(X_WBs[i].GetAsMatrix4()) for k, i in object_bodies(station).items()}
-                perception.FixValue(of_planner, abstract(_blind(step)))
+                told[observation] = {k: readonly(X_WBs[i].GetAsMatrix4()) for k, i in object_bodies(station).items()}
+                perception.FixValue(of_planner, abstract(_blind(observation)))
     except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
         outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
     unfinished = None if outcome else planner.unfinished(of_planner)
@@ -129,7 +129,7 @@ def run_picks(
         outcome=outcome or f"stopped: {duration:g} s of simulated time are over",
         attempts=attempts if unfinished is None else (*attempts, unfinished),
         truth=referee.samples(referee.GetMyContextFromRoot(root)),
-        use=watch.use(watch.GetMyContextFromRoot(root)),
+        use=limit_use(*(log.FindLog(root).data().T for log in logs), step),
         sim_time_s=root.get_time(),
     )
 
