@@ -273,7 +273,7 @@ def _outcome(
         if now[taken] == goal.get(taken):
             return "sorted"
         return "dropped" if now[taken] in ("floor", "table") else "missorted"
-    if action.released:
+    if action.released or attempt.reason == "lost_in_transport":
         return "dropped"
     if attempt.reason != "empty_hand":
         return "aborted"

@@ -52,9 +52,9 @@ def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
     n = len(JOINTS)
     q, v = states[:, :n][:, _ORDER], states[:, n:][:, _ORDER]
     lower, upper = np.array([joint.lower for joint in JOINTS]), np.array([joint.upper for joint in JOINTS])
-    ends = np.isfinite(upper)
+    ends = np.array([joint.kind != "continuous" for joint in JOINTS])
     position = np.zeros_like(q)
-    position[:, ends] = np.abs(2 * q - lower - upper)[:, ends] / (upper - lower)[ends]
+    position[:, ends] = np.abs(2 * q[:, ends] - lower[ends] - upper[ends]) / (upper - lower)[ends]
     speed = np.abs(v) / np.array([joint.velocity for joint in JOINTS])
     effort = np.abs(efforts) / np.array([joint.effort for joint in JOINTS])
     acceleration = np.abs(np.diff(v[:, : len(ARM_JOINTS)], axis=0)) / step / ACCELERATION

@@ -75,18 +75,20 @@ def run_picks(
             settle_time=SETTLE,
         ),
     )
-    controller = builder.AddNamedSystem("arm_controller", ArmController(period=POLL))
+    controller = builder.AddNamedSystem("arm_controller", ArmController())
     plant = station.GetSubsystemByName("plant")
     hand = int(plant.GetBodyByName("gripper_link").index())
     referee = builder.AddNamedSystem("referee", Referee(objects=object_bodies(station), hand=hand, period=POLL))
     step = scenario.plant_config.time_step
-    logs = [LogVectorOutput(station.GetOutputPort(f"fetch.{what}"), builder, step) for what in ("state", "effort")]
+    states = LogVectorOutput(station.GetOutputPort("fetch.state"), builder, step)
+    efforts = LogVectorOutput(station.GetOutputPort("fetch.effort"), builder, step)
 
     def connect(source: System, output: str, target: System, port: str) -> None:
         builder.Connect(source.GetOutputPort(output), target.GetInputPort(port))
 
-    connect(station, "fetch.state", planner, "robot_state")
-    connect(station, "fetch.effort", planner, "effort")
+    for target in (planner, controller):
+        connect(station, "fetch.state", target, "robot_state")
+        connect(station, "fetch.effort", target, "effort")
     connect(controller, "motion_status", planner, "motion_status")
     connect(planner, "motion", controller, "motion")
     connect(controller, "desired_state", station, "fetch.desired_state")
@@ -129,7 +131,7 @@ def run_picks(
         outcome=outcome or f"stopped: {duration:g} s of simulated time are over",
         attempts=attempts if unfinished is None else (*attempts, unfinished),
         truth=referee.samples(referee.GetMyContextFromRoot(root)),
-        use=limit_use(*(log.FindLog(root).data().T for log in logs), step),
+        use=limit_use(states.FindLog(root).data().T, efforts.FindLog(root).data().T, step),
         sim_time_s=root.get_time(),
     )
 

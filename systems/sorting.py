@@ -230,7 +230,7 @@ def make_sorting(
     planner = builder.AddNamedSystem(
         "sorting_planner", SortingPlanner(decide=decide, retreat=retreat, period=POLL, settle_time=SETTLE)
     )
-    controller = builder.AddNamedSystem("arm_controller", ArmController(period=POLL))
+    controller = builder.AddNamedSystem("arm_controller", ArmController())
     plant = station.GetSubsystemByName("plant")
     referee = builder.AddNamedSystem(
         "referee",
@@ -278,6 +278,8 @@ def make_sorting(
     connect(station, "fetch.effort", planner, "effort")
     connect(controller, "motion_status", planner)
     connect(planner, "motion", controller)
+    connect(station, "fetch.state", controller, "robot_state")
+    connect(station, "fetch.effort", controller, "effort")
     loose = tuple((f.observation, SEGMENTS[f.kind]) for f in scenario.faults if f.kind in SEGMENTS)
     if loose:
         grip_fault = builder.AddNamedSystem("grip_fault", GripFault(faults=loose, period=POLL))

@@ -257,7 +257,8 @@ class _Deciding:
     def decide(self, X_WOs: Poses, attempts: tuple[Attempt, ...], q: Array) -> Pick | Look | Stop:
         if attempts:
             return Stop("cleared", ())
-        start, refused = time.process_time(), []
+        start = time.process_time()
+        refused: list[Attempt] = []
         for number, label in enumerate(self.order):
             choice = plan_pick(self.robot, X_WOs, label, q, self.seed, number)
             if isinstance(choice, Pick):
@@ -347,9 +348,7 @@ def no_hand_could(known: _Robot, X_WO: Array, label: str) -> bool:
     return not ranked.grasps
 
 
-def judge(
-    setting: str, seed: int, order: Sequence[str], X_WOs: Poses, trial: PickTrial, known: _Robot
-) -> Picked:
+def judge(setting: str, seed: int, order: Sequence[str], X_WOs: Poses, trial: PickTrial, known: _Robot) -> Picked:
     """What a trial came to, by where everything truly went."""
     regions = {name: known.scenario.region(name) for name in known.scenario.regions}
     goal = functools.partial(region_of, goal=known.scenario.goal, catalogue=known.catalogue)
@@ -383,8 +382,8 @@ def judge(
         knocked_off=knocked_off,
         grasp_candidates=0 if told is None else told.grasp_candidates,
         rejected_by=() if told is None else tuple((k, n) for k, n in told.rejected_by if n),
-        slip_m=transport_slip(trial.truth, 1, label),
-        slip_from_grasp_m=slip_from_grasp(trial.truth, label),
+        slip_m=transport_slip(trial.truth, label),
+        slip_from_grasp_m=transport_slip(trial.truth, label, since="close"),
         motion_s=trial.sim_time_s,
         position_use=float(use.position[:arm].max()),
         speed_use=float(use.speed.max()),
@@ -393,15 +392,6 @@ def judge(
         violations=use.violations,
         X_WO=readonly(X_WOs[label]),
     )
-
-
-def slip_from_grasp(truth: Sequence[TruthSample], label: str) -> float | None:
-    """How far the object moved in the hand from when it had closed until just before it opened; None: not carried."""
-    closed = [sample for sample in truth if sample.segment == "close"]
-    carried = [sample for sample in truth if sample.segment == "transport"]
-    if not closed or not carried:
-        return None
-    return float(np.linalg.norm(_in_hand(carried[-1], label) - _in_hand(closed[-1], label)))
 
 
 def failed_phase(truth: Sequence[TruthSample], label: str) -> str:
