@@ -15,7 +15,7 @@ OUTCOMES = {
     "sorted": "the object taken rests in the region it belongs in",
     "missorted": "the object taken rests in another region",
     "dropped": "it left the hand on the way: it lies on the table or the floor although the hand was opened over the "
-    "region, or it fell off the table",
+    "region, or was lost on the way, or fell off the table",
     "slipped": "it was moved but the hand was empty after the lift",
     "missed": "it was not moved and the hand was empty after the lift",
     "aborted": "the robot broke the motion off for another reason",

@@ -83,8 +83,12 @@ class Bench:
         self.fix("perception", perception(step))
         self.wait()
 
-    def finish(self):
-        self.fix("motion_status", MotionStatus(self.out("motion").id, "", True))
+    def finish(self, stopped=""):
+        self.fix("motion_status", MotionStatus(self.out("motion").id, "", True, stopped))
+        self.wait()
+
+    def run(self, segment, stopped=""):
+        self.fix("motion_status", MotionStatus(self.out("motion").id, segment, False, stopped))
         self.wait()
 
 
@@ -151,6 +155,78 @@ def test_an_object_lost_on_the_way_is_felt():
     bench.wait()
     bench.finish()
     assert bench.out("attempts")[0].reason == "lost_in_transport"
+
+
+def test_resistance_on_the_way_to_the_object_is_an_attempt_and_the_loop_goes_on():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.run("reach", "unexpected_effort")
+    assert bench.out("motion").id == 0, "not before the arm has come to rest"
+    bench.finish("unexpected_effort")
+    assert (bench.out("motion").id, bench.out("motion").insistence) == (1, 1.0)
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert attempt.reason == "unexpected_effort"
+    assert (attempt.action.released, attempt.action.held_lift) == (False, False)
+    bench.look(1)
+    assert bench.out("outcome") == "cleared"
+
+
+def test_a_hand_that_empties_on_the_way_does_not_go_on_to_the_place():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.hand(0.0)
+    bench.run("transport", "empty_hand")
+    bench.hand(0.04)  # it closes on something once more: too late
+    bench.finish("empty_hand")
+    assert bench.out("motion").id == 2
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert attempt.reason == "lost_in_transport"
+    assert (action.released, action.held_lift, action.held_place) == (False, True, False)
+
+
+def test_a_hand_that_empties_in_the_lift_is_an_empty_hand_whatever_it_closes_on_then():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish("empty_hand")
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert attempt.reason == "empty_hand"
+    assert (attempt.action.held_lift, attempt.action.gap_lift) == (False, 0.0)
+
+
+def test_resistance_after_the_release_does_not_undo_it():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.run("open")
+    bench.hand(0.1)
+    bench.run("retreat")
+    bench.finish("unexpected_effort")
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.released) == ("unexpected_effort", True)
+    assert attempt.action.held_place, "until it let go"
+
+
+def test_a_way_back_that_meets_resistance_is_tried_again_with_more_and_then_no_more():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.finish("unexpected_effort")
+    for insistence in (1.0, 2.0, 4.0):
+        assert bench.out("motion").insistence == insistence
+        assert bench.out("attempts") == ()
+        bench.finish("unexpected_effort")
+    assert bench.out("outcome") == "stopped: the arm was stopped on 3 ways back to the viewing pose"
+    assert [attempt.reason for attempt in bench.out("attempts")] == ["unexpected_effort"]
 
 
 def test_looks_again_when_nothing_can_be_done_and_counts_it():
