@@ -1,6 +1,7 @@
 """How much of its limits the robot used in what it did: positions, speeds and efforts as they were measured."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,17 @@ class LimitUse(Immutable):
     """(12,): share of the samples in which a drive gave all it has, as fingers that hold something are meant to."""
     violations: tuple[tuple[str, int], ...]
     """Samples in which some joint was beyond a limit, by kind of limit."""
+
+    def row(self) -> dict[str, Any]:
+        """`limits` of summary.json: the most that any joint used; of efforts the arm's, as fingers push with all."""
+        return {
+            "samples": self.samples,
+            "position_use": float(self.position.max()),
+            "speed_use": float(self.speed.max()),
+            "acceleration_use": float(self.acceleration.max()),
+            "effort_use": float(self.effort[: len(ARM_JOINTS)].max()),
+            "violations": dict(self.violations),
+        }
 
     @property
     def violated(self) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import LogVectorOutput
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
@@ -24,7 +25,7 @@ from sum_drake.presence import PresenceCheck
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
-from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.arm_controller import PERIOD, ArmController
 from sum_drake.systems.camera_fault import CameraFault
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.detection_fault import DetectionFault, Mistake
@@ -288,6 +289,8 @@ def make_sorting(
         connect(planner, "observe", grip_fault)
         desired = grip_fault, "faulty_desired_state"
     connect(*desired, station, "fetch.desired_state")
+    for what in ("state", "effort"):  # of what was done, for the account of the robot's limits
+        LogVectorOutput(station.GetOutputPort(f"fetch.{what}"), builder, PERIOD).set_name(f"executed_{what}")
     connect(station, "truth.body_poses", referee, "body_poses")
     connect(planner, "observe", referee)
     connect(controller, "motion_status", referee)

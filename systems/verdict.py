@@ -68,6 +68,7 @@ def score(
             regions,
             catalogue,
         ),
+        limits=None if episode.limit_use is None else episode.limit_use.row(),
     )
 
 

@@ -44,6 +44,16 @@ def test_what_is_beyond_a_limit_is_counted_by_kind():
     assert dict(limit_use(states, efforts, 0.004).violations) == {"position": 1, "speed": 2, "effort": 1}
 
 
+def test_the_row_of_a_summary_tells_the_most_that_any_joint_used():
+    states, efforts = at_rest()
+    states[2, len(JOINTS) + 1] = 0.628
+    efforts[:, -1] = 60.0
+    row = limit_use(states, efforts, 0.004).row()
+    assert row["speed_use"] == pytest.approx(0.5)
+    assert row["effort_use"] == 0.0, "the fingers push with all they have"
+    assert row["violations"] == dict.fromkeys(KINDS, 0)
+
+
 def test_nothing_done_uses_nothing():
     use = limit_use(np.empty((0, 24)), np.empty((0, 12)), 0.004)
     assert (use.samples, use.violated) == (0, 0)

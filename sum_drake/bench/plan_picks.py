@@ -23,11 +23,11 @@ from sum_drake.bench.aims import Aims
 from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
 from sum_drake.evaluation import where_is
 from sum_drake.geometry import apply, inverse
-from sum_drake.grasp_ranking import RankedGrasps, rank_grasps
-from sum_drake.grasping import grasp_candidates
+from sum_drake.grasp_ranking import rank_grasps
+from sum_drake.grasping import GraspConfig, grasp_candidates
 from sum_drake.jsonio import encode
 from sum_drake.kinematics import Arm
-from sum_drake.objects import Catalogue, sample_surface
+from sum_drake.objects import Catalogue, ObjectModel, sample_surface
 from sum_drake.picking import PickPlan, plan_pick_place
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.retreat import plan_retreat
@@ -70,7 +70,7 @@ class Size:
     """Of five objects, from each of which one is taken."""
 
 
-FULL, QUICK = Size(objects=15, poses=5, tables=75), Size(objects=4, poses=1, tables=2)
+FULL, QUICK = Size(objects=15, poses=5, tables=75), Size(objects=2, poses=1, tables=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -287,7 +287,15 @@ def plan_pick(known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, numb
     belief = PoseBelief(readonly(X_WO[None]), readonly([1.0]))
     others = [(catalogue[other], X) for other, X in X_WOs.items() if other != label]
     points_W = surface_points(others)
-    ranked = _ranked(known, X_WOs, label, points_W)
+    ranked = rank_grasps(
+        grasp_candidates(model, config=scenario.grasp, seed=0),
+        model=model,
+        X_WO=X_WO,
+        belief=belief,
+        points_W=points_W,
+        table_height=scenario.region("table").floor_height,
+        config=scenario.grasp,
+    )
     plan = plan_pick_place(
         arm=known.arm,
         scene=known.scene,
@@ -307,20 +315,7 @@ def plan_pick(known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, numb
     return Attempt(0, number, label, region, "none", plan.reason, plan.grasp_candidates, plan.rejected_by, None)
 
 
-def _ranked(known: _Robot, X_WOs: Poses, label: str, points_W: Array) -> RankedGrasps:
-    config, model, X_WO = known.scenario.grasp, known.catalogue[label], X_WOs[label]
-    return rank_grasps(
-        grasp_candidates(model, config=config, seed=0),
-        model=model,
-        X_WO=X_WO,
-        belief=PoseBelief(X_WO[None], np.ones(1)),
-        points_W=points_W,
-        table_height=known.scenario.region("table").floor_height,
-        config=config,
-    )
-
-
-def surface_points(objects: Sequence[tuple[Any, Array]]) -> Array:
+def surface_points(objects: Sequence[tuple[ObjectModel, Array]]) -> Array:
     """Points (n, 3) in W on the surfaces of objects, evenly shared among them."""
     if not objects:
         return np.empty((0, 3))
@@ -330,21 +325,24 @@ def surface_points(objects: Sequence[tuple[Any, Array]]) -> Array:
     )
 
 
-def no_hand_could(known: _Robot, X_WO: Array, label: str) -> bool:
-    """Whether an object that lies alone offers no grasp at all to a free-flying hand of this shape.
+def no_hand_could(model: ObjectModel, X_WO: Array, *, table_height: float, config: GraspConfig) -> bool:
+    """Whether an object that lies alone at X_WO (4, 4) offers no grasp at all to a free-flying hand of this shape.
 
-    Of ten times as many candidates as the robot looks at, approached from whatever side but from below, none is left
-    that keeps clear of the table and holds by friction.
+    Of ten times as many candidates as the robot looks at, approached from any side but from below, none is left that
+    keeps clear of the table and holds by friction.
     """
-    config = dataclasses.replace(
-        known.scenario.grasp, samples=3 * known.scenario.grasp.samples, candidates=10 * known.scenario.grasp.candidates,
-        directions=16, max_tilt=np.pi / 2,
-    )  # fmt: skip
+    thorough = dataclasses.replace(
+        config, samples=3 * config.samples, candidates=10 * config.candidates, directions=16, max_tilt=np.pi / 2
+    )
     ranked = rank_grasps(
-        grasp_candidates(known.catalogue[label], config=config, seed=1), model=known.catalogue[label], X_WO=X_WO,
-        belief=PoseBelief(X_WO[None], np.ones(1)), points_W=np.empty((0, 3)),
-        table_height=known.scenario.region("table").floor_height, config=config,
-    )  # fmt: skip
+        grasp_candidates(model, config=thorough, seed=1),
+        model=model,
+        X_WO=X_WO,
+        belief=PoseBelief(X_WO[None], np.ones(1)),
+        points_W=np.empty((0, 3)),
+        table_height=table_height,
+        config=thorough,
+    )
     return not ranked.grasps
 
 
@@ -377,7 +375,14 @@ def judge(setting: str, seed: int, order: Sequence[str], X_WOs: Poses, trial: Pi
         place=place,
         phase=phase,
         cause=cause,
-        hopeless=phase == "plan" and setting == "alone" and no_hand_could(known, X_WOs[label], label),
+        hopeless=phase == "plan"
+        and setting == "alone"
+        and no_hand_could(
+            known.catalogue[label],
+            X_WOs[label],
+            table_height=regions["table"].floor_height,
+            config=known.scenario.grasp,
+        ),
         refused=given_up if executed is not None else given_up[1:],
         knocked_off=knocked_off,
         grasp_candidates=0 if told is None else told.grasp_candidates,
