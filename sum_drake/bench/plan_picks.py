@@ -86,7 +86,7 @@ class Picked:
     place: str
     """Where it ended: a region, table, floor."""
     phase: str
-    """In which it failed: plan, grasp, lift, transport, release, motion; empty where it has not."""
+    """In which it failed: plan, motion, grasp, lift, transport, release, simulation; empty where it has not."""
     cause: str
     """Of a failure: why there is no plan, or the attempt's reason."""
     hopeless: bool = False
