@@ -38,7 +38,7 @@ from sum_drake.systems.run_log import RunLog
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
-from sum_drake.systems.sorting_planner import Decide, Retreat, SortingPlanner
+from sum_drake.systems.sorting_planner import CarryOn, Decide, Retreat, SortingPlanner
 from sum_drake.systems.station import make_station, object_bodies, object_render_labels
 from sum_drake.task import Look, Pick, SortingTask, Stop
 from sum_drake.types import (
@@ -86,8 +86,11 @@ def bind_perception(
     return update
 
 
-def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat]:
-    """The task's decisions and the way back after a failed pick, on the robot's own model of itself and the table."""
+def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat, CarryOn]:
+    """The task's decisions, the way back after a failed pick and the way on after a stop.
+
+    On the robot's own model of itself and the table.
+    """
     task = SortingTask(
         catalogue=catalogue,
         arm=Arm(),
@@ -108,7 +111,11 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         with costs.of("planning"):
             return task.retreat(perception, q, motion)
 
-    return decide, retreat
+    def carry_on(perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
+        with costs.of("planning"):
+            return task.carry_on(perception, pick, q, motion)
+
+    return decide, retreat, carry_on
 
 
 def check_detector(scenario: Scenario, catalogue: Catalogue) -> None:
@@ -227,9 +234,10 @@ def make_sorting(
     )
     update = bind_perception(scenario, catalogue, costs, pose_estimator)
     estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
-    decide, retreat = bind_task(scenario, catalogue, costs)
+    decide, retreat, carry_on = bind_task(scenario, catalogue, costs)
     planner = builder.AddNamedSystem(
-        "sorting_planner", SortingPlanner(decide=decide, retreat=retreat, period=POLL, settle_time=SETTLE)
+        "sorting_planner",
+        SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, period=POLL, settle_time=SETTLE),
     )
     controller = builder.AddNamedSystem("arm_controller", ArmController())
     plant = station.GetSubsystemByName("plant")

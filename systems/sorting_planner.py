@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSys
 
 from sum_drake.action_model import holds
 from sum_drake.picking import PickPlan
+from sum_drake.reflex import CARRYING
 from sum_drake.robot import JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
@@ -17,6 +18,8 @@ Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Sto
 """`task.SortingTask.decide`."""
 Retreat = Callable[[Perception, Array, int], Motion]
 """`task.SortingTask.retreat`."""
+CarryOn = Callable[[Perception, Pick, Array, int], Motion]
+"""`task.SortingTask.carry_on`."""
 RETREATS = 3
 """Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
@@ -55,6 +58,8 @@ class _Sorting(Immutable):
     """Whether the hand was opened at the place."""
     stopped: str = ""
     """Why the controller broke the pick or the place off, one of `reflex.CAUSES`."""
+    carried_on: bool = False
+    """Whether it was stopped with the object in its hand, and went on from there."""
     retreats: int = 0
     """Ways back begun since then."""
     action: PickPlace | None = None
@@ -82,12 +87,16 @@ class SortingPlanner(LeafSystem):
 
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
     attempt is its own commands, the gap between its fingers with the force that closes them, and whether the controller
-    broke a motion off for what it felt. The arm then goes back to where it looks from, and looks again.
+    broke a motion off for what it felt. The arm then goes back to where it looks from, and looks again; with an object
+    in its hand it first tries, once, to go on by another way.
     """
 
-    def __init__(self, *, decide: Decide, retreat: Retreat, period: float, settle_time: float) -> None:
+    def __init__(
+        self, *, decide: Decide, retreat: Retreat, carry_on: CarryOn, period: float, settle_time: float
+    ) -> None:
         super().__init__()
-        self._decide, self._retreat, self._settle_time = decide, retreat, settle_time
+        self._decide, self._retreat, self._carry_on = decide, retreat, carry_on
+        self._settle_time = settle_time
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
@@ -156,7 +165,7 @@ class SortingPlanner(LeafSystem):
         motion = self._numbered(held, choice.plan.pick)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", retreats=0,
+            released=False, stopped="", carried_on=False, retreats=0,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -178,13 +187,23 @@ class SortingPlanner(LeafSystem):
         if not self._done(context, held):
             if held.motion is None or status.motion != held.motion.id or status.stopped:
                 return held
-            if status.segment == "transport":
+            if status.segment in CARRYING:
                 return dataclasses.replace(held, at_place=self._feel(context))
             return held if held.released else dataclasses.replace(held, released=True)
         if not status.stopped:
             return self._record(dataclasses.replace(held, released=True))
         if not held.released:
             held = dataclasses.replace(held, at_place=self._feel_after(context, status))
+            assert held.pick is not None and held.motion is not None
+            if held.at_place.holds(held.pick.plan.grasp.width) and not held.carried_on:
+                try:
+                    motion = self._carry_on(
+                        self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1
+                    )
+                except RuntimeError:  # then it goes back without the object
+                    pass
+                else:
+                    return dataclasses.replace(held, motion=motion, carried_on=True)
         return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
 
     def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:

@@ -19,7 +19,7 @@ def test_it_is_told_the_true_poses_each_time_and_stops_when_it_says_so():
         told.append(X_WOs)
         return Look(()) if len(told) < 3 else Stop("cleared", ())
 
-    trial = run_picks(SCENARIO, CATALOGUE, {"sugar": X_WO}, decide=decide, retreat=None)
+    trial = run_picks(SCENARIO, CATALOGUE, {"sugar": X_WO}, decide=decide, retreat=None, carry_on=None)
     assert trial.outcome == "cleared" and trial.attempts == ()
     assert len(told) == 3 and all(set(X_WOs) == {"sugar"} for X_WOs in told)
     np.testing.assert_allclose(told[-1]["sugar"], X_WO, atol=2e-3)
@@ -40,6 +40,6 @@ def test_what_goes_wrong_while_deciding_ends_the_trial_and_is_told():
 
 def test_time_is_limited():
     trial = run_picks(
-        SCENARIO, CATALOGUE, {}, decide=lambda X_WOs, attempts, q: Look(()), retreat=None, duration=0.3
+        SCENARIO, CATALOGUE, {}, decide=lambda X_WOs, attempts, q: Look(()), retreat=None, carry_on=None, duration=0.3
     )  # fmt: skip
     assert trial.outcome == "stopped: 0.3 s of simulated time are over"

@@ -21,6 +21,7 @@ import numpy as np
 from sum_drake import robot
 from sum_drake.bench.aims import Aims
 from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
+from sum_drake.carrying import plan_carrying_on
 from sum_drake.evaluation import where_is
 from sum_drake.geometry import apply, inverse
 from sum_drake.grasp_ranking import rank_grasps
@@ -240,7 +241,9 @@ def measure_pick(setting: str, seed: int, label: str) -> Picked:
     )
     order = [labels[i] for i in rng.permutation(len(labels))]
     deciding = _Deciding(_robot, order, seed)
-    trial = run_picks(scenario, catalogue, X_WOs, decide=deciding.decide, retreat=deciding.retreat)
+    trial = run_picks(
+        scenario, catalogue, X_WOs, decide=deciding.decide, retreat=deciding.retreat, carry_on=deciding.carry_on
+    )
     picked = judge(setting, seed, order, X_WOs, trial, _robot)
     return dataclasses.replace(picked, planning_cpu_s=deciding.cpu_s, cpu_s=time.process_time() - start)
 
@@ -277,6 +280,21 @@ class _Deciding:
             return plan(obstacles=[(self.robot.catalogue[label], X_WO) for label, X_WO in X_WOs.items()])
         except RuntimeError:
             return plan()
+
+    def carry_on(self, X_WOs: Poses, pick: Pick, q: Array, motion: int) -> Motion:
+        label, known = pick.track.label, self.robot
+        return plan_carrying_on(
+            arm=known.arm,
+            scene=known.scene,
+            plan=pick.plan,
+            X_WO=X_WOs[label],
+            model=known.catalogue[label],
+            q_now=q,
+            motion_id=motion,
+            seed=self.seed,
+            config=known.scenario.pick,
+            obstacles=[(known.catalogue[other], X) for other, X in X_WOs.items() if other != label],
+        )
 
 
 def plan_pick(known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, number: int) -> Pick | Attempt:
