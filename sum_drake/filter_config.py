@@ -40,11 +40,11 @@ class FilterConfig:
     """Share of particles proposed by a half or quarter turn about an axis of the object, through its middle."""
     fresh: float = 0.25
     """Share of particles started from the box when there is a prior to go on from."""
-    tracking_particles: int = 300
+    tracking_particles: int = 150
     """At the start, when there is a prior to go on from."""
-    tracking_particles_last: int = 250
+    tracking_particles_last: int = 125
     """The same for the last iteration, and the belief."""
-    tracking_iterations: int = 3
+    tracking_iterations: int = 2
     """The same for iterations."""
     tracking_candidates: int = 8
     """The same for candidates, if there are any."""

@@ -1,4 +1,8 @@
-"""Collision-free paths of the arm: OMPL searches, shortcuts are taken, every path is checked densely at the end."""
+"""Collision-free paths: OMPL searches, shortcuts are taken, Drake confirms every path at the end.
+
+Edges are checked by the compiled model of the scene, one call an edge, as finely as a finished path must be: most of an
+edge is proven free by a few distances, so that a coarser look would save nothing.
+"""
 
 import dataclasses
 import itertools
@@ -10,13 +14,9 @@ from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from sum_drake import robot
+from sum_drake.checked_scene import FINE, CheckedScene, JointSpace
 from sum_drake.kinematics import Arm
-from sum_drake.planning_scene import FINE, PlanningScene
 from sum_drake.types import Array, Immutable, readonly
-
-_SCALE = 1.0 / robot.velocity_limits()
-"""OMPL searches in seconds: each joint divided by its speed limit."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Path(Immutable):
     """A free polyline in joint space."""
 
     qs: Array
-    """(k, 8)."""
+    """(k, n)."""
     goal: int
     """Index of the goal it ends at."""
     checks: int
@@ -36,21 +36,19 @@ class NoPath(Immutable):
     """Why there is no path."""
 
     reason: str
-    """start_in_collision, goal_in_collision, budget (used up)."""
+    """start_in_collision, goal_in_collision, budget (used up), unconfirmed (Drake found what was found not free)."""
     pairs: tuple[tuple[str, str], ...] = ()
     """What touches what, where something does."""
     checks: int = 0
 
 
-def plan_path(
-    scene: PlanningScene, q_start: Array, q_goals: Array, *, seed: int, budget: int = 4000, step: float = 0.04
-) -> Path | NoPath:
-    """A short free path from q_start (8,) to one of q_goals (n, 8), or why there is none.
+def plan_path(scene: CheckedScene, q_start: Array, q_goals: Array, *, seed: int, budget: int = 4000) -> Path | NoPath:
+    """A short free path from q_start (n,) to one of q_goals (m, n), or why there is none.
 
-    RRT-Connect (Kuffner and LaValle 2000) checks edges every `step` radians, shortcuts are taken, and the result is
-    checked every `FINE` radians; a path that fails that is searched for again at half the step. Each such round tries
-    rooms of growing size, and gives up in one after its share of `budget` calls of the planner's termination condition.
-    No clock is asked, so the answer depends on the arguments alone.
+    RRT-Connect (Kuffner and LaValle 2000) searches rooms of growing size, and gives up in one after its share of
+    `budget` calls of the planner's termination condition; shortcuts are taken. Edges are checked every `FINE` radians
+    or proven free, and the whole path once more by Drake. No clock is asked, so the answer depends on the arguments
+    alone.
     """
     q_goals = np.atleast_2d(q_goals)
     if not scene.is_free(q_start):
@@ -58,30 +56,32 @@ def plan_path(
     free = np.flatnonzero(scene.free_many(q_goals))
     if not len(free):
         return NoPath("goal_in_collision", scene.colliding_pairs(q_goals[0]))
-    checks = 0
-    while step >= FINE:
-        edges = _Edges(scene, step)
-        qs = _search(edges, q_start, q_goals[free], seed, budget)
-        checks += edges.count
+    edges, reason = _Edges(scene), "budget"
+    for attempt in range(_CONFIRMATIONS):
+        qs = _search(edges, q_start, q_goals[free], seed + attempt, budget)
         if qs is None:
-            return NoPath("budget", (), checks)
-        if scene.path_free(qs):
+            break
+        if scene.confirmed(qs):
             goal = int(free[np.abs(q_goals[free] - qs[-1]).max(1).argmin()])
-            return Path(readonly(qs), goal, checks)
-        step /= 2
-    return NoPath("budget", (), checks)
+            return Path(readonly(qs), goal, edges.count)
+        reason = "unconfirmed"
+    return NoPath(reason, (), edges.count)
+
+
+_CONFIRMATIONS = 3
+"""Paths that are searched for, each elsewhere, before Drake's disagreement counts. Both see the same bodies; they can
+differ only where a path grazes something by less than a thousandth of its distance."""
 
 
 class _Edges:
-    """Counts the edges that are checked at one step."""
+    """Counts the edges that are checked."""
 
-    def __init__(self, scene: PlanningScene, step: float) -> None:
-        self._full, self._checker, self.count = scene.full, scene.checker.Clone(), 0
-        self._checker.set_edge_step_size(step)
+    def __init__(self, scene: CheckedScene) -> None:
+        self._model, self.count, self.space = scene.model, 0, scene.space
 
     def free(self, q0: Array, q1: Array) -> bool:
         self.count += 1
-        return bool(self._checker.CheckEdgeCollisionFree(self._full(q0), self._full(q1)))
+        return self._model.edge_free(q0, q1, FINE)
 
 
 _ROOMS = (0.5, 1.2, 3.0)
@@ -105,7 +105,7 @@ def _search(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budget: in
                 break
             found.append(_shortcut(edges, qs, np.random.default_rng(each)))
         if found:
-            return min(found, key=seconds)
+            return min(found, key=lambda qs: seconds(qs, edges.space))
     return None
 
 
@@ -113,27 +113,28 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
     """OMPL's RRT-Connect to any of q_goals (n, 8); None when the budget is used up. Only exact solutions count."""
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
     ou.RNG.setSeed(seed % (2**31 - 1) + 1)  # a seed of 0 would be ignored
-    lower, upper = robot.limits()
+    joints, n = edges.space, len(edges.space.names)
+    scale = 1.0 / joints.velocity  # OMPL searches in seconds: each joint divided by its speed limit
     ends = np.vstack([q_start, q_goals])
-    lower = np.minimum(np.maximum(lower, ends.min(0) - room / _SCALE), ends.min(0))
-    upper = np.maximum(np.minimum(upper, ends.max(0) + room / _SCALE), ends.max(0))
+    lower = np.minimum(np.maximum(joints.lower, ends.min(0) - room / scale), ends.min(0))
+    upper = np.maximum(np.minimum(joints.upper, ends.max(0) + room / scale), ends.max(0))
 
-    space = ob.RealVectorStateSpace(8)
-    bounds = ob.RealVectorBounds(8)
-    for j in range(8):
-        bounds.setLow(j, float(lower[j] * _SCALE[j]))
-        bounds.setHigh(j, float(upper[j] * _SCALE[j]))
+    space = ob.RealVectorStateSpace(n)
+    bounds = ob.RealVectorBounds(n)
+    for j in range(n):
+        bounds.setLow(j, float(lower[j] * scale[j]))
+        bounds.setHigh(j, float(upper[j] * scale[j]))
     space.setBounds(bounds)
     information = ob.SpaceInformation(space)
 
     def state(q: Array) -> Any:
         made = space.allocState()
-        for j in range(8):
-            made[j] = float(q[j] * _SCALE[j])
+        for j in range(n):
+            made[j] = float(q[j] * scale[j])
         return made
 
     def q_of(given: Any) -> Array:
-        return np.array([given[j] for j in range(8)]) / _SCALE
+        return np.array([given[j] for j in range(n)]) / scale
 
     class Validator(ob.MotionValidator):
         """One call an edge; a callback a state would cost ten times as much."""
@@ -163,27 +164,28 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
     return np.array([q_of(given) for given in problem.getSolutionPath().getStates()])
 
 
-def seconds(qs: Array) -> float:
-    """About the time that a polyline (k, 8) takes with a stop at each corner, without the jerk limit."""
+def seconds(qs: Array, space: JointSpace) -> float:
+    """About the time that a polyline (k, n) takes with a stop at each corner, without the jerk limit."""
     way = np.abs(np.diff(qs, axis=0))
-    v, a = robot.velocity_limits(), robot.ACCELERATION
+    v, a = space.velocity, space.acceleration
     return float(np.where(way > v**2 / a, way / v + v / a, 2 * np.sqrt(way / a)).max(1).sum())
 
 
 def _shortcut(edges: _Edges, qs: Array, rng: np.random.Generator, rounds: int = 80) -> Array:
     """Replaces pieces of a polyline by straight lines while that saves time (Geraerts and Overmars 2007)."""
     qs = _without_corners(edges, qs)
+    marks, now = _marks(edges, qs), seconds(qs, edges.space)
     for _ in range(rounds):
         if len(qs) < 3:
             return qs
-        marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(qs, axis=0) * _SCALE, axis=1))])
         a, b = np.sort(rng.uniform(0, marks[-1], 2))
         i, j = np.searchsorted(marks, [a, b], side="right") - 1
         if i == j:
             continue
-        cut = np.array([[np.interp(t, marks, qs[:, c]) for c in range(8)] for t in (a, b)])
+        shares = (np.array([a, b]) - marks[[i, j]]) / (marks[[i + 1, j + 1]] - marks[[i, j]])
+        cut = qs[[i, j]] + shares[:, None] * (qs[[i + 1, j + 1]] - qs[[i, j]])
         if rng.random() < 0.3:  # one joint alone goes straight: what holds up the others may not be in its way
-            c = rng.integers(8)
+            c = rng.integers(qs.shape[1])
             new = np.vstack([cut[:1], qs[i + 1 : j + 1], cut[1:]])
             along = np.concatenate([[a], marks[i + 1 : j + 1], [b]])
             new[:, c] = np.interp(along, [a, b], cut[:, c])
@@ -191,9 +193,16 @@ def _shortcut(edges: _Edges, qs: Array, rng: np.random.Generator, rounds: int = 
             new = cut
         candidate = np.vstack([qs[: i + 1], new, qs[j + 1 :]])
         candidate = candidate[np.concatenate([[True], np.abs(np.diff(candidate, axis=0)).max(1) > 1e-9])]
-        if seconds(candidate) + 1e-6 < seconds(qs) and all(edges.free(q0, q1) for q0, q1 in itertools.pairwise(new)):
+        quicker = seconds(candidate, edges.space) + 1e-6 < now
+        if quicker and all(edges.free(q0, q1) for q0, q1 in itertools.pairwise(new)):
             qs = _without_corners(edges, candidate)
+            marks, now = _marks(edges, qs), seconds(qs, edges.space)
     return qs
+
+
+def _marks(edges: _Edges, qs: Array) -> Array:
+    """(k,): how far along a polyline each waypoint lies, seconds at full speed."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(qs, axis=0) / edges.space.velocity, axis=1))])
 
 
 def _without_corners(edges: _Edges, qs: Array) -> Array:
@@ -201,7 +210,7 @@ def _without_corners(edges: _Edges, qs: Array) -> Array:
     leaps = ((i, i + length) for length in range(len(qs) - 1, 1, -1) for i in range(len(qs) - length))
     for i, j in leaps:
         candidate = np.vstack([qs[: i + 1], qs[j:]])
-        if seconds(candidate) < seconds(qs) and edges.free(qs[i], qs[j]):
+        if seconds(candidate, edges.space) < seconds(qs, edges.space) and edges.free(qs[i], qs[j]):
             return _without_corners(edges, candidate)
     return qs
 

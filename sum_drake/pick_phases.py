@@ -7,9 +7,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from sum_drake import timing
+from sum_drake.checked_scene import FINE
 from sum_drake.geometry import apply, inverse
 from sum_drake.pick_config import PickConfig
-from sum_drake.planning_scene import FINE, PlanningScene, Solid, solids_of_points
+from sum_drake.planning_scene import PlanningScene, Solid, solids_of_points
 from sum_drake.playback import GAP_SPEED
 from sum_drake.types import Array, Segment, Trajectory
 

@@ -21,7 +21,7 @@ from sum_drake.motion import NoPath, cartesian_path, plan_path, seconds
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
 from sum_drake.pick_phases import PhaseScenes, opening, timed
-from sum_drake.planning_scene import PlanningScene, Solid, solid_of
+from sum_drake.planning_scene import SPACE, PlanningScene, Solid, solid_of
 from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Grasp, Immutable, Load, Motion, Region, Segment, Trajectory, readonly
 
@@ -254,7 +254,7 @@ def _find_places(
                 X_WG = X_WO @ inverse(X_GO)
                 for q in arm.solutions(X_WG, near=q_lift, count=2, thorough=False):
                     home = nearest_turns(VIEW, q)
-                    options.append((seconds(np.stack([q_lift, q, home])), q, X_WG, X_WO))
+                    options.append((seconds(np.stack([q_lift, q, home]), SPACE), q, X_WG, X_WO))
         options.sort(key=lambda option: option[0])
         if not options:
             continue

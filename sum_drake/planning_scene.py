@@ -1,4 +1,4 @@
-"""The arm among what stands still, as Drake's collision checker sees it: what is free, and what touches what.
+"""The arm among what stands still: furniture, believed objects, and what the hand holds.
 
 A `PlanningScene` is a value: believed objects, a held object and paddings are added by making another scene.
 """
@@ -18,13 +18,19 @@ from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from sum_drake import robot
 from sum_drake.assets import InputError, asset, one_line
+from sum_drake.checked_scene import FINE, CheckedScene, JointSpace
+from sum_drake.collision_model import Skeleton
 from sum_drake.objects import ObjectModel
 from sum_drake.parsing import add_packages, parser_allowed
 from sum_drake.types import Array, Immutable, readonly
 
 SORTING = "package://sum_drake/scenes/sorting.dmd.yaml"
-FINE = 0.005
-"""Radians (and metres) between the configurations that a finished path is checked at."""
+SPACE = JointSpace(
+    tuple(joint.name for joint in robot.ARM_JOINTS),
+    *robot.limits(),
+    robot.velocity_limits(),
+    robot.ACCELERATION,
+)
 _ROBOT = "fetch"
 _HAND = "gripper_link"
 
@@ -80,7 +86,7 @@ def solids_of_points(points_W: Array, *, size: float = 0.02, name: str = "unexpl
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlanningScene:
+class PlanningScene(CheckedScene):
     """The robot among what stands still: the scene's furniture, believed objects, and what the hand holds.
 
     Every q is (8,), ARM_JOINTS. Head at VIEW_HEAD, fingers `gap` apart.
@@ -92,11 +98,14 @@ class PlanningScene:
     gap: float = robot.HAND.gap_max
     checker: SceneGraphCollisionChecker = None
     """Made from the rest, in about .3 CPU seconds; scenes derived from this one share or clone it."""
+    skeleton: Skeleton = dataclasses.field(default=None)  # type: ignore[assignment]
+    """Made with the checker; scenes derived from this one share it."""
 
     def __post_init__(self) -> None:
         """Raises InputError where the directives cannot be loaded."""
         if self.checker is None:
             object.__setattr__(self, "checker", _make_checker(self.directives, self.solids, self.names))
+            object.__setattr__(self, "skeleton", Skeleton.of(self.checker, SPACE.names))
 
     @functools.cached_property
     def names(self) -> tuple[str, ...]:
@@ -139,37 +148,6 @@ class PlanningScene:
             checker.AddCollisionShapeToFrame("held", frame, shape, RigidTransform(X_GO))
         return dataclasses.replace(self, checker=checker)
 
-    def is_free(self, q: Array) -> bool:
-        """Whether nothing touches, or comes closer than the padding, at q."""
-        return bool(self.checker.CheckConfigCollisionFree(self.full(q)))
-
-    def free_many(self, qs: Array) -> Array:
-        """`is_free` of qs (n, 8), (n,)."""
-        return np.array(self.checker.CheckConfigsCollisionFree(list(self.full(qs)), parallelize=False), dtype=bool)
-
-    def edge_free(self, q0: Array, q1: Array, step: float = FINE) -> bool:
-        """Whether the straight line from q0 to q1 is free, checked where no joint has moved by more than `step`."""
-        count = int(np.ceil(np.abs(q1 - q0).max() / step)) + 1
-        return bool(self.free_many(np.linspace(q0, q1, max(count, 2))).all())
-
-    def path_free(self, qs: Array, step: float = FINE) -> bool:
-        """Whether the polyline qs (k, 8) is free, checked as `edge_free` does."""
-        return all(self.edge_free(q0, q1, step) for q0, q1 in itertools.pairwise(qs))
-
-    def colliding_pairs(self, q: Array) -> tuple[tuple[str, str], ...]:
-        """Names of the bodies that touch, or come closer than the padding, at q: the robot's link first."""
-        checker, plant = self.checker, self.checker.plant()
-        clearance = checker.CalcRobotClearance(self.full(q), max(checker.GetLargestPadding(), 0.0) + 1e-6)
-        pairs = {
-            (plant.get_body(a).name(), plant.get_body(b).name()): None
-            for a, b, distance in zip(
-                clearance.robot_indices(), clearance.other_indices(), clearance.distances(), strict=True
-            )
-            # Drake has taken the padding off the distances.
-            if distance <= 0
-        }
-        return tuple(sorted(pairs))
-
     @staticmethod
     def _links(checker: SceneGraphCollisionChecker) -> list[BodyIndex]:
         indices = map(BodyIndex, range(checker.plant().num_bodies()))
@@ -179,18 +157,20 @@ class PlanningScene:
         plant = self.checker.plant()
         return plant.GetBodyByName(name, plant.GetModelInstanceByName(f"solid::{name}")).index()
 
-    @functools.cached_property
-    def _order(self) -> Array:
-        plant = self.checker.plant()
-        return np.array([plant.GetJointByName(joint.name).position_start() for joint in robot.JOINTS])
+    @property
+    def space(self) -> JointSpace:
+        """The torso and the arm."""
+        return SPACE
 
-    def full(self, qs: Array) -> Array:
-        """Positions of the whole plant (..., 12) for qs (..., 8)."""
-        full = np.empty((*np.shape(qs)[:-1], len(robot.JOINTS)))
-        full[..., self._order[:8]] = qs
-        full[..., self._order[8:10]] = robot.VIEW_HEAD
-        full[..., self._order[10:]] = self.gap / 2
-        return full
+    @functools.cached_property
+    def q_full(self) -> Array:
+        """The plant's positions: torso and arm at VIEW, the head at VIEW_HEAD."""
+        plant = self.checker.plant()
+        q = np.empty(plant.num_positions())
+        stand = (*robot.VIEW, *robot.VIEW_HEAD, self.gap / 2, self.gap / 2)
+        for joint, value in zip(robot.JOINTS, stand, strict=True):
+            q[plant.GetJointByName(joint.name).position_start()] = value
+        return q
 
 
 def _make_checker(
