@@ -273,7 +273,7 @@ def _outcome(
         if now[taken] == goal.get(taken):
             return "sorted"
         return "dropped" if now[taken] in ("floor", "table") else "missorted"
-    if action.released:
+    if action.released or attempt.reason == "lost_in_transport":
         return "dropped"
     if attempt.reason != "empty_hand":
         return "aborted"
@@ -297,6 +297,7 @@ def summary(
     versions: Mapping[str, str],
     device: str,
     faults: Sequence[Mapping[str, Any]] = (),
+    limits: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """summary.json as plain data.
 
@@ -306,6 +307,7 @@ def summary(
         observations, attempts: rows of `score_observation` and `score_attempts`.
         timing: perception_cpu_s, planning_cpu_s, simulation_cpu_s, wall_s, sim_time_s; missing ones become null.
         faults: rows of `faults.score_faults`.
+        limits: `executed.LimitUse.row`, where that is known.
     """
     now = {label: where_is(X_WO, regions) for label, X_WO in final.X_WOs}
     wanted = [label for label in now if goal.get(label, LEAVE) != LEAVE]
@@ -323,6 +325,7 @@ def summary(
         "missorted_by": {"perception": len(by_perception), "manipulation": len(missorted) - len(by_perception)},
         "completion_ratio": len(in_place) / len(wanted) if wanted else 1.0,
         "faults": list(faults),
+        "limits": None if limits is None else dict(limits),
         "objects": [
             {"label": label, "goal": goal.get(label, LEAVE), "place": now[label], "p_W": X_WO[:3, 3].tolist()}
             for label, X_WO in final.X_WOs

@@ -142,7 +142,8 @@ def score_faults(
 def _struck(faults: Sequence[FaultConfig], attempts: Sequence[Attempt]) -> dict[int, Attempt]:
     """The attempts that faults of the fingers struck, by fault: each in its turn the first that is left."""
     left, found = [a for a in attempts if a.action is not None and a.reason != "cut_off"], {}
-    lifted, carried = list(left), [a for a in left if a.action is not None and a.action.released]
+    lifted = list(left)
+    carried = [a for a in left if a.reason == "lost_in_transport" or (a.action is not None and a.action.released)]
     for i, fault in sorted(enumerate(faults), key=lambda one: (one[1].observation, one[0])):
         of = {"slipped": lifted, "dropped": carried}.get(fault.kind, [])
         attempt = next((a for a in of if a.step >= fault.observation), None)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sum_drake import timing
 from sum_drake.geometry import apply, inverse, rotation_from_vector, shifted
-from sum_drake.grasp_ranking import RankedGrasps
+from sum_drake.grasp_ranking import DEFAULT_MASS, RankedGrasps
 from sum_drake.grasping import half_turn, surface
 from sum_drake.kinematics import Arm, nearest_turns
 from sum_drake.motion import NoPath, cartesian_path, plan_path, seconds
@@ -23,7 +23,7 @@ from sum_drake.pick_config import PickConfig
 from sum_drake.pick_phases import PhaseScenes, opening, timed
 from sum_drake.planning_scene import SPACE, PlanningScene, Solid, solid_of
 from sum_drake.robot import HAND, VIEW
-from sum_drake.types import Array, Grasp, Immutable, Motion, Region, Segment, Trajectory, readonly
+from sum_drake.types import Array, Grasp, Immutable, Load, Motion, Region, Segment, Trajectory, readonly
 
 REASONS = (
     "no_grasp", "start_in_collision", "ik", "grasp_collision", "reach", "lift", "place_ik", "place_collision",
@@ -157,11 +157,12 @@ def plan_pick_place(
                 break
             continue
         place, pick_motion, place_motion = motions
+        load = Load(grasp.width, DEFAULT_MASS if model.mass is None else model.mass)
         return PickPlan(
             grasp=grasp,
             X_WG=readonly(pick.X_WG),
-            pick=pick_motion,
-            place=place_motion,
+            pick=dataclasses.replace(pick_motion, load=load),
+            place=dataclasses.replace(place_motion, load=load),
             X_WG_place=readonly(place.X_WG),
             X_WO_place=readonly(place.X_WO),
             grasp_candidates=candidates,

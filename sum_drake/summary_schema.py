@@ -15,7 +15,7 @@ OUTCOMES = {
     "sorted": "the object taken rests in the region it belongs in",
     "missorted": "the object taken rests in another region",
     "dropped": "it left the hand on the way: it lies on the table or the floor although the hand was opened over the "
-    "region, or it fell off the table",
+    "region, or was lost on the way, or fell off the table",
     "slipped": "it was moved but the hand was empty after the lift",
     "missed": "it was not moved and the hand was empty after the lift",
     "aborted": "the robot broke the motion off for another reason",
@@ -70,6 +70,15 @@ _FAULT = {
     "dealt_with_after": int | None,
     "belief": str,
 }
+_LIMITS = {
+    "samples": int,
+    "position_use": float,
+    "speed_use": float,
+    "acceleration_use": float,
+    "effort_use": float,
+    "violations": {str: int},
+}
+"""`limits`, which older summaries do without."""
 _ATTEMPT = {
     "step": int,
     "track": int,
@@ -123,6 +132,8 @@ def validate_summary(data: Any) -> None:
                 raise InputError(f"{where}[{j}].fate: {detection['fate']!r}; expected one of {', '.join(FATES)}")
         _check(row.get("gone", []), [_GONE], f"summary.observations[{i}].gone")
     _check(data.get("faults", []), [_FAULT], "summary.faults")
+    if data.get("limits") is not None:
+        _check(data["limits"], _LIMITS, "summary.limits")
     for i, row in enumerate(data["attempts"]):
         believed = row.get("believed")
         _check({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sum_drake.carrying import plan_carrying_on
 from sum_drake.existence import LIKELY
 from sum_drake.geometry import apply, inverse, rotation_angle
 from sum_drake.grasp_ranking import rank_grasps
@@ -224,6 +225,29 @@ class SortingTask:
             return plan(obstacles=seen, points_W=thin(points_W, self._config.max_obstacle_points))
         except RuntimeError:
             return plan()
+
+    def carry_on(self, perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
+        """From where the arm was stopped, (8,), with the object of `pick` in its hand, to where it is let go.
+
+        Raises RuntimeError where there is no free way.
+        """
+        model = self._catalogue[pick.track.label]
+        points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
+        points_W = _not_of(points_W, model, pick.track.X_WO)
+        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
+        return plan_carrying_on(
+            arm=self._arm,
+            scene=self._scene,
+            plan=pick.plan,
+            X_WO=pick.track.X_WO,
+            model=model,
+            q_now=q,
+            motion_id=motion,
+            seed=int(np.random.SeedSequence([self._seed, motion]).generate_state(1)[0]),
+            config=self._pick_config,
+            obstacles=[(self._catalogue[t.label], t.X_WO) for t in others],
+            points_W=thin(points_W, self._config.max_obstacle_points),
+        )
 
 
 def region_of(label: str, goal: Mapping[str, str], catalogue: Catalogue) -> str:

@@ -271,12 +271,26 @@ class Segment(Immutable):
     """Commanded distance between the fingers, metres."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Load(Immutable):
+    """What a closed hand is to hold."""
+
+    width: float
+    """Between the fingers, metres."""
+    mass: float
+    """Kilograms."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Motion(Immutable):
     """Segments to be executed one after the other; a new id starts a new motion."""
 
     id: int
     segments: tuple[Segment, ...]
+    load: Load | None = None
+    """What is in the hand during `lift` and `transport`; None: nothing."""
+    insistence: float = 1.0
+    """How many times the usual resistance does not stop the arm."""
 
     @property
     def duration(self) -> float:
@@ -297,6 +311,8 @@ class MotionStatus(Immutable):
     segment: str
     """Name of the segment that runs, "" when the motion is done."""
     done: bool
+    stopped: str = ""
+    """Why the controller broke the motion off, one of `reflex.CAUSES`; "" if it did not."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

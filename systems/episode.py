@@ -11,19 +11,21 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 
 from sum_drake.assets import one_line
 from sum_drake.costs import Costs
+from sum_drake.executed import LimitUse, limit_use
 from sum_drake.faults import HandAct, absent_labels
 from sum_drake.filter_config import filter_config
 from sum_drake.objects import Catalogue
 from sum_drake.pose_workers import PoseWorkers
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
+from sum_drake.systems.arm_controller import PERIOD
 from sum_drake.systems.outside_hand import OutsideHand, waiting_place
 from sum_drake.systems.ports import unpack
 from sum_drake.systems.referee import TruthSample
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.sorting import check_detector, make_sorting, pour_scene
 from sum_drake.systems.station import set_home
-from sum_drake.types import Attempt, Perception
+from sum_drake.types import Array, Attempt, Perception
 
 Progress = Callable[[str, float, float], None]
 """Told what was done ("" between steps), the simulated time in seconds, and about which share of the job is done."""
@@ -49,6 +51,8 @@ class Episode:
     """Of the scenario's faults, `faults.absent_labels`."""
     acts: tuple[HandAct, ...] = ()
     """What somebody's hand did."""
+    limit_use: LimitUse | None = None
+    """How much of its limits the robot used, sampled as often as its controller runs."""
 
 
 HAND_DELAY = 0.3
@@ -145,7 +149,14 @@ def _run(
         sim_time_s=root.get_time(),
         absent=hand.absent,
         acts=tuple(hand.acts),
+        limit_use=limit_use(*(_logged(diagram, root, what) for what in ("state", "effort")), PERIOD),
     )
+
+
+def _logged(diagram: Diagram, root: Context, what: str) -> Array:
+    """(n, k): what the robot measured of itself."""
+    samples: Array = diagram.GetSubsystemByName(f"executed_{what}").FindLog(root).data().T
+    return samples
 
 
 class _Watch:

@@ -1,7 +1,7 @@
 """The one system that sees the truth, and that nothing reads."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import Value
@@ -72,10 +72,14 @@ class Referee(LeafSystem):
         )
 
 
-def transport_slip(samples: tuple[TruthSample, ...], place_motion: int, label: str) -> float | None:
-    """How far the object moved in the hand between the lift and the release, metres; None if it was not carried."""
-    held = [s for s in samples if s.motion == place_motion and s.segment == "transport"]
-    if not held:
+def transport_slip(samples: Sequence[TruthSample], label: str, *, since: str = "transport") -> float | None:
+    """How far the object moved in the hand between the lift and the release, metres; None if it was not carried.
+
+    samples: of one attempt. since: "close" counts from when the hand had closed.
+    """
+    held = [s for s in samples if s.segment == "transport"]
+    begun = held[:1] if since == "transport" else [s for s in samples if s.segment == since][-1:]
+    if not held or not begun:
         return None
-    p_GOs = [np.linalg.solve(s.X_WG, dict(s.X_WOs)[label])[:3, 3] for s in (held[0], held[-1])]
+    p_GOs = [np.linalg.solve(s.X_WG, dict(s.X_WOs)[label])[:3, 3] for s in (begun[0], held[-1])]
     return float(np.linalg.norm(p_GOs[1] - p_GOs[0]))

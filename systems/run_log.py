@@ -30,7 +30,7 @@ class RunLog(LeafSystem):
     `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
     far; `joint_state` positions, then velocities, of `joint_names`. `observe`, `motion_status` and `outcome`, as the
     planner and the controller give them, make events: an observation is asked for, a segment of a motion begins, a
-    motion is done, the run ends.
+    motion is done or broken off, the run ends.
 
     Only publish events: nothing in the context changes, and what has been written is known by the writer, so a record
     that stays on its port, a forced publish or a context that is replayed write nothing twice.
@@ -78,7 +78,9 @@ class RunLog(LeafSystem):
             yield "observation_asked_for", {"observation": observations - 1}
         status: MotionStatus | None = unpack(self._status.Eval(context))
         if status is not None and status.motion >= 0:
-            if status.done:
+            if status.stopped:
+                yield "motion_stopped", {"motion": status.motion, "cause": status.stopped}
+            elif status.done:
                 yield "motion_done", {"motion": status.motion}
             else:
                 yield "segment_begun", {"motion": status.motion, "segment": status.segment}

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.parsing import FlattenModelDirectives, ModelDirective, ModelDirectives, PackageMap
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.primitives import LogVectorOutput
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
@@ -24,7 +25,7 @@ from sum_drake.presence import PresenceCheck
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
-from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.arm_controller import PERIOD, ArmController
 from sum_drake.systems.camera_fault import CameraFault
 from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.detection_fault import DetectionFault, Mistake
@@ -37,7 +38,7 @@ from sum_drake.systems.run_log import RunLog
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
-from sum_drake.systems.sorting_planner import Decide, Retreat, SortingPlanner
+from sum_drake.systems.sorting_planner import CarryOn, Decide, Retreat, SortingPlanner
 from sum_drake.systems.station import make_station, object_bodies, object_render_labels
 from sum_drake.task import Look, Pick, SortingTask, Stop
 from sum_drake.types import (
@@ -85,8 +86,11 @@ def bind_perception(
     return update
 
 
-def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat]:
-    """The task's decisions and the way back after a failed pick, on the robot's own model of itself and the table."""
+def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat, CarryOn]:
+    """The task's decisions, the way back after a failed pick and the way on after a stop.
+
+    On the robot's own model of itself and the table.
+    """
     task = SortingTask(
         catalogue=catalogue,
         arm=Arm(),
@@ -107,7 +111,11 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         with costs.of("planning"):
             return task.retreat(perception, q, motion)
 
-    return decide, retreat
+    def carry_on(perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
+        with costs.of("planning"):
+            return task.carry_on(perception, pick, q, motion)
+
+    return decide, retreat, carry_on
 
 
 def check_detector(scenario: Scenario, catalogue: Catalogue) -> None:
@@ -226,11 +234,12 @@ def make_sorting(
     )
     update = bind_perception(scenario, catalogue, costs, pose_estimator)
     estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
-    decide, retreat = bind_task(scenario, catalogue, costs)
+    decide, retreat, carry_on = bind_task(scenario, catalogue, costs)
     planner = builder.AddNamedSystem(
-        "sorting_planner", SortingPlanner(decide=decide, retreat=retreat, period=POLL, settle_time=SETTLE)
+        "sorting_planner",
+        SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, period=POLL, settle_time=SETTLE),
     )
-    controller = builder.AddNamedSystem("arm_controller", ArmController(period=POLL))
+    controller = builder.AddNamedSystem("arm_controller", ArmController())
     plant = station.GetSubsystemByName("plant")
     referee = builder.AddNamedSystem(
         "referee",
@@ -278,6 +287,8 @@ def make_sorting(
     connect(station, "fetch.effort", planner, "effort")
     connect(controller, "motion_status", planner)
     connect(planner, "motion", controller)
+    connect(station, "fetch.state", controller, "robot_state")
+    connect(station, "fetch.effort", controller, "effort")
     loose = tuple((f.observation, SEGMENTS[f.kind]) for f in scenario.faults if f.kind in SEGMENTS)
     if loose:
         grip_fault = builder.AddNamedSystem("grip_fault", GripFault(faults=loose, period=POLL))
@@ -286,6 +297,8 @@ def make_sorting(
         connect(planner, "observe", grip_fault)
         desired = grip_fault, "faulty_desired_state"
     connect(*desired, station, "fetch.desired_state")
+    for what in ("state", "effort"):  # of what was done, for the account of the robot's limits
+        LogVectorOutput(station.GetOutputPort(f"fetch.{what}"), builder, PERIOD).set_name(f"executed_{what}")
     connect(station, "truth.body_poses", referee, "body_poses")
     connect(planner, "observe", referee)
     connect(controller, "motion_status", referee)

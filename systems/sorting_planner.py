@@ -8,6 +8,7 @@ from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSys
 
 from sum_drake.action_model import holds
 from sum_drake.picking import PickPlan
+from sum_drake.reflex import CARRYING
 from sum_drake.robot import JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
@@ -17,6 +18,10 @@ Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Sto
 """`task.SortingTask.decide`."""
 Retreat = Callable[[Perception, Array, int], Motion]
 """`task.SortingTask.retreat`."""
+CarryOn = Callable[[Perception, Pick, Array, int], Motion]
+"""`task.SortingTask.carry_on`."""
+RETREATS = 3
+"""Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +54,14 @@ class _Sorting(Immutable):
     motion: Motion | None = None
     at_lift: Feel = Feel()
     at_place: Feel = Feel()
+    released: bool = False
+    """Whether the hand was opened at the place."""
+    stopped: str = ""
+    """Why the controller broke the pick or the place off, one of `reflex.CAUSES`."""
+    carried_on: bool = False
+    """Whether it was stopped with the object in its hand, and went on from there."""
+    retreats: int = 0
+    """Ways back begun since then."""
     action: PickPlace | None = None
     attempts: tuple[Attempt, ...] = ()
     outcome: str = ""
@@ -73,12 +86,17 @@ class SortingPlanner(LeafSystem):
         - outcome
 
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
-    attempt is its own commands, and the gap between its fingers with the force that closes them.
+    attempt is its own commands, the gap between its fingers with the force that closes them, and whether the controller
+    broke a motion off for what it felt. The arm then goes back to where it looks from, and looks again; with an object
+    in its hand it first tries, once, to go on by another way.
     """
 
-    def __init__(self, *, decide: Decide, retreat: Retreat, period: float, settle_time: float) -> None:
+    def __init__(
+        self, *, decide: Decide, retreat: Retreat, carry_on: CarryOn, period: float, settle_time: float
+    ) -> None:
         super().__init__()
-        self._decide, self._retreat, self._settle_time = decide, retreat, settle_time
+        self._decide, self._retreat, self._carry_on = decide, retreat, carry_on
+        self._settle_time = settle_time
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
@@ -145,46 +163,77 @@ class SortingPlanner(LeafSystem):
         if isinstance(choice, Look):
             return dataclasses.replace(held, phase="settle", attempts=attempts, looks=held.looks + 1, action=None)
         motion = self._numbered(held, choice.plan.pick)
-        return dataclasses.replace(held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion)
+        return dataclasses.replace(
+            held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
+            released=False, stopped="", carried_on=False, retreats=0,
+        )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
-        """After the lift: goes on if the hand holds something, gives up otherwise."""
-        if not self._done(context, held):
+        """After the lift: goes on if the hand holds something, gives up otherwise, or where the arm was stopped."""
+        status: MotionStatus = self._status.Eval(context)
+        pick = held.pick
+        if pick is None or not self._done(context, held):
             return held
-        assert held.pick is not None
-        feel = self._feel(context)
-        if feel.holds(held.pick.plan.grasp.width):
-            motion = self._numbered(held, held.pick.plan.place)
-            return dataclasses.replace(held, phase="place", motion=motion, at_lift=feel, at_place=feel)
-        assert held.motion is not None
-        try:
-            motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
-        except RuntimeError as error:
-            stopped = self._record(dataclasses.replace(held, at_lift=feel, at_place=feel), released=False)
-            return dataclasses.replace(stopped, phase="done", outcome=f"stopped: {error}")
-        return dataclasses.replace(held, phase="retreat", motion=motion, at_lift=feel, at_place=feel)
+        feel = self._feel_after(context, status)
+        held = dataclasses.replace(held, at_lift=feel, at_place=feel, stopped=status.stopped)
+        if status.stopped or not feel.holds(pick.plan.grasp.width):
+            return self._go_back(context, held)
+        motion = self._numbered(held, pick.plan.place)
+        return dataclasses.replace(held, phase="place", motion=motion)
 
     def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:
         """Feels the hand until it opens; afterwards the attempt is history."""
         status: MotionStatus = self._status.Eval(context)
         if not self._done(context, held):
-            if status.segment == "transport":
+            if held.motion is None or status.motion != held.motion.id or status.stopped:
+                return held
+            if status.segment in CARRYING:
                 return dataclasses.replace(held, at_place=self._feel(context))
-            return held
-        return self._record(held, released=True)
+            return held if held.released else dataclasses.replace(held, released=True)
+        if not status.stopped:
+            return self._record(dataclasses.replace(held, released=True))
+        if not held.released:
+            held = dataclasses.replace(held, at_place=self._feel_after(context, status))
+            assert held.pick is not None and held.motion is not None
+            if held.at_place.holds(held.pick.plan.grasp.width) and not held.carried_on:
+                try:
+                    motion = self._carry_on(
+                        self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1
+                    )
+                except RuntimeError:  # then it goes back without the object
+                    pass
+                else:
+                    return dataclasses.replace(held, motion=motion, carried_on=True)
+        return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
 
     def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:
-        return self._record(held, released=False) if self._done(context, held) else held
+        if not self._done(context, held):
+            return held
+        status: MotionStatus = self._status.Eval(context)
+        return self._go_back(context, held) if status.stopped else self._record(held)
+
+    def _go_back(self, context: Context, held: _Sorting) -> _Sorting:
+        """Sets out for the viewing pose with an open hand; the run is over where there is no way."""
+        assert held.motion is not None
+        if held.retreats == RETREATS:
+            said = f"the arm was stopped on {RETREATS} ways back to the viewing pose"
+            return dataclasses.replace(self._record(held), phase="done", outcome=f"stopped: {said}")
+        try:
+            motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
+        except RuntimeError as error:
+            return dataclasses.replace(self._record(held), phase="done", outcome=f"stopped: {error}")
+        motion = dataclasses.replace(motion, insistence=2.0**held.retreats)
+        return dataclasses.replace(held, phase="retreat", motion=motion, retreats=held.retreats + 1)
 
     def unfinished(self, context: Context) -> Attempt | None:
         """The attempt that was under way, for a run that is cut off; `context` is the planner's own."""
         held = self._held(context)
         if held.pick is None:
             return None
-        attempt = self._record(held, released=False).attempts[-1]
+        attempt = self._record(held).attempts[-1]
         return dataclasses.replace(attempt, reason="cut_off")
 
-    def _record(self, held: _Sorting, *, released: bool) -> _Sorting:
+    def _record(self, held: _Sorting) -> _Sorting:
         """The executed action and the attempt, as far as the robot knows them."""
         assert held.pick is not None
         plan: PickPlan = held.pick.plan
@@ -199,21 +248,27 @@ class SortingPlanner(LeafSystem):
             region=held.pick.region,
             gap_lift=held.at_lift.gap,
             gap_place=held.at_place.gap,
-            released=released,
+            released=held.released,
             squeeze_lift=held.at_lift.squeeze,
             squeeze_place=held.at_place.squeeze,
             held_lift=held.at_lift.holds(plan.grasp.width),
             held_place=held.at_place.holds(plan.grasp.width),
         )
-        if not released:
-            reason = "empty_hand"
+        if held.stopped not in ("", "empty_hand"):
+            reason = held.stopped
+        elif held.at_place.holds(plan.grasp.width):
+            reason = "executed"
         else:
-            reason = "executed" if held.at_place.holds(plan.grasp.width) else "lost_in_transport"
+            reason = "lost_in_transport" if held.at_lift.holds(plan.grasp.width) else "empty_hand"
         attempt = Attempt(
             step, track.id, track.label, held.pick.region, "pick_place", reason,
             plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG,
         )  # fmt: skip
         return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
+
+    def _feel_after(self, context: Context, status: MotionStatus) -> Feel:
+        """What the hand feels once a motion is over; nothing where it was broken off for that, whatever came since."""
+        return Feel() if status.stopped == "empty_hand" else self._feel(context)
 
     def _feel(self, context: Context) -> Feel:
         return Feel(finger_gap(self._robot_state.Eval(context)), squeeze(self._effort.Eval(context)))

@@ -68,6 +68,7 @@ def score(
             regions,
             catalogue,
         ),
+        limits=None if episode.limit_use is None else episode.limit_use.row(),
     )
 
 
@@ -107,13 +108,11 @@ def visible_shares(
 
 
 def _slips(attempts: tuple[Attempt, ...], samples: tuple[TruthSample, ...]) -> list[float | None]:
-    """Slip of each attempt: the k-th executed one played motions 2k (pick) and 2k + 1 (place or retreat)."""
-    slips, executed = [], 0
-    for attempt in attempts:
-        slip = None
-        if attempt.action is not None:
-            known = attempt.label in dict(samples[0].X_WOs)
-            slip = transport_slip(samples, 2 * executed + 1, attempt.label) if known else None
-            executed += 1
-        slips.append(slip)
-    return slips
+    """Slip of each attempt: of those after one observation at most one was executed."""
+    known = dict(samples[0].X_WOs)
+    return [
+        transport_slip(tuple(s for s in samples if s.observations == attempt.step + 1), attempt.label)
+        if attempt.action is not None and attempt.label in known
+        else None
+        for attempt in attempts
+    ]

@@ -60,7 +60,7 @@ def truth(observation: int, **places: tuple[float, float, float]) -> Truth:
 
 
 def attempt(step: int, label: str, region: str, *, reason: str = "executed", moved: bool = True) -> Attempt:
-    released = reason in ("executed", "lost_in_transport")
+    released = reason == "executed"
     action = PickPlace(step, "pick_place", 0, label, np.eye(4), np.eye(4), region, 0.03, 0.03, released)
     return Attempt(step, 0, label, region, "pick_place", reason, 10, (("ik", 3),), action if moved else None)
 
@@ -278,7 +278,8 @@ START = {"sugar": TABLE, "tide": (0.6, -0.2, 0.8)}
         (attempt(0, "sugar", "left", reason="empty_hand"), {"sugar": (0.72, 0.1, 0.76)}, ("slipped", "sugar")),
         (attempt(0, "sugar", "left", reason="empty_hand"), {}, ("missed", "sugar")),
         (attempt(0, "sugar", "left", reason="empty_hand"), {"tide": FLOOR}, ("missed", "sugar")),
-        (attempt(0, "sugar", "left", reason="tracking_fault"), {}, ("aborted", "sugar")),
+        (attempt(0, "sugar", "left", reason="unexpected_effort"), {}, ("aborted", "sugar")),
+        (attempt(0, "sugar", "left", reason="tracking_error"), {"sugar": FLOOR}, ("dropped", "sugar")),
         (attempt(0, "sugar", "left", reason="no_grasp", moved=False), {}, ("infeasible", None)),
         # The tide was taken for the sugar, carried to the sugar's bin: wrong, or lost on the way.
         (attempt(0, "sugar", "left"), {"tide": LEFT}, ("missorted", "tide")),

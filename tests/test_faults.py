@@ -114,16 +114,16 @@ def test_a_fault_that_never_came_is_told_as_such(story):
     assert not story.told(FaultConfig("camera", 5))["happened"]
 
 
-def attempt(step, label, *, released):
+def attempt(step, label, *, released, reason="empty_hand"):
     action = PickPlace(step, "pick_place", 0, label, EYE, EYE, "bin", 0.0, 0.0, released)
-    return Attempt(step, 0, label, "bin", "pick_place", "empty_hand", 1, (), action)
+    return Attempt(step, 0, label, "bin", "pick_place", reason, 1, (), action)
 
 
 def test_faults_of_the_fingers_are_of_the_attempt_that_they_struck(story, catalogue):
     X_WO = standing(catalogue, "mug", 0.6, 0.1)
     for _ in range(3):
         story.look([track(0, "mug", X_WO)], {"mug": X_WO})
-    attempts = [attempt(0, "toy", released=False), attempt(1, "mug", released=True)]
+    attempts = [attempt(0, "toy", released=False), attempt(1, "mug", released=False, reason="lost_in_transport")]
     slipped = story.told(FaultConfig("slipped", 0), attempts=attempts)
     assert (slipped["object"], slipped["observation"]) == ("toy", 0)
     dropped = story.told(FaultConfig("dropped", 0), attempts=attempts)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sum_drake import action_model, belief, faults, grasp_ranking, picking, runlog, summary_schema
+from sum_drake import action_model, belief, faults, grasp_ranking, picking, reflex, runlog, summary_schema
 from sum_drake.geometry import SYMMETRIES
 from sum_drake.systems import run_log
 
@@ -30,10 +30,11 @@ def names(kind: Any) -> list[str]:
     [
         summary_schema.OUTCOMES, summary_schema.FATES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES,
         names(summary_schema._SUMMARY), names(summary_schema._FALSE_DETECTION), names(summary_schema._FAULT),
-        names(summary_schema._GONE), faults.KINDS, belief.ENDS, action_model.OUTCOMES,
+        names(summary_schema._GONE), names(summary_schema._LIMITS), faults.KINDS, belief.ENDS, action_model.OUTCOMES,
+        reflex.CAUSES,
     ],
     ids=["outcomes", "fates", "reasons", "causes", "symmetries", "summary", "false detections", "faults", "gone",
-         "kinds of fault", "ends of tracks", "outcomes of actions"],
+         "limits", "kinds of fault", "ends of tracks", "outcomes of actions", "causes of stops"],
 )  # fmt: skip
 def test_everything_is_listed(listed: Any) -> None:
     assert sorted(set(listed) - WORDS) == []

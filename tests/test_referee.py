@@ -40,5 +40,16 @@ def test_slip_is_the_objects_motion_in_the_hand_between_lift_and_release():
         sample("transport", [1, 0, 1.0], [1, 0, 0.88]),
         sample("open", [1, 0, 1.0], [1, 0, 0.3]),
     )
-    assert transport_slip(samples, 1, "mug") == pytest.approx(0.02)
-    assert transport_slip(samples, 3, "mug") is None, "never carried"
+    assert transport_slip(samples, "mug") == pytest.approx(0.02)
+    assert transport_slip(samples[:1], "mug") is None, "never carried"
+
+
+def test_slip_may_be_told_from_when_the_hand_had_closed():
+    samples = (
+        sample("close", [0, 0, 0.8], [0, 0, 0.7], motion=0),
+        sample("close", [0, 0, 0.8], [0, 0, 0.71], motion=0),
+        sample("lift", [0, 0, 1.0], [0, 0, 0.9], motion=0),
+        sample("transport", [0, 0, 1.0], [0, 0, 0.9]),
+        sample("transport", [1, 0, 1.0], [1, 0, 0.88]),
+    )
+    assert transport_slip(samples, "mug", since="close") == pytest.approx(0.03)

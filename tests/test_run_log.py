@@ -96,6 +96,31 @@ def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None
     assert record.perceptions == () and record.attempts == () and record.events == ()
 
 
+def test_a_motion_that_is_broken_off_is_told_once_with_its_cause(tmp_path: Path) -> None:
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        system = RunLog(writer=writer, joint_names=JOINTS)
+        context = system.CreateDefaultContext()
+        system.GetInputPort("perception").FixValue(context, abstract())
+        system.GetInputPort("attempts").FixValue(context, abstract(()))
+        system.GetInputPort("joint_state").FixValue(context, np.zeros(4))
+        system.GetInputPort("observe").FixValue(context, [0.0])
+        system.GetInputPort("outcome").FixValue(context, abstract(""))
+        for status in (
+            MotionStatus(0, "reach", False),
+            MotionStatus(0, "reach", False, "unexpected_effort"),
+            MotionStatus(0, "", True, "unexpected_effort"),
+            MotionStatus(1, "retreat", False),
+        ):
+            system.GetInputPort("motion_status").FixValue(context, abstract(status))
+            system.ForcedPublish(context)
+    events = [(event["name"], event["detail"]) for event in read_run_log(tmp_path / "run.mcap").events]
+    assert events == [
+        ("segment_begun", {"motion": 0, "segment": "reach"}),
+        ("motion_stopped", {"motion": 0, "cause": "unexpected_effort"}),
+        ("segment_begun", {"motion": 1, "segment": "retreat"}),
+    ]
+
+
 @pytest.mark.parametrize("steps", [[3.0], [0.25, 0.5, 1.0, 1.0, 1.5, 2.5, 3.0]])
 def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
     """However the time is cut into AdvanceTo calls, and with forced publishes in between."""

@@ -33,7 +33,7 @@ from sum_drake.types import Array
 
 SYSTEMS = {
     "station", "frame_assembler", "object_detector", "data_associator", "scene_estimator", "sorting_planner",
-    "arm_controller", "referee", "run_log",
+    "arm_controller", "referee", "run_log", "executed_state", "executed_effort",
 }  # fmt: skip
 # What a robot may know of the simulation, by the port of the station's subsystem that it comes from. Everything else,
 # the query object, body poses, contact results and reaction forces among it, is truth.
@@ -327,3 +327,5 @@ def test_a_short_run_ends_by_itself_and_its_record_holds_together(catalogue):
     validate_summary(summary)
     assert summary["objects_sorted"] == summary["objects_total"] == 1
     assert summary["attempts"][-1]["outcome"] == "sorted"
+    assert summary["limits"]["samples"] > 500
+    assert summary["limits"]["violations"] == {"position": 0, "speed": 0, "effort": 0}

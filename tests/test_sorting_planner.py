@@ -13,6 +13,7 @@ from sum_drake.types import (
     Camera,
     Frame,
     Grasp,
+    Load,
     Motion,
     MotionStatus,
     Perception,
@@ -29,6 +30,7 @@ PLAN = PickPlan(
     grasp=Grasp("mug", EYE, width=0.04, quality=0.8), X_WG=EYE, pick=MOTION, place=MOTION,
     X_WG_place=EYE, X_WO_place=EYE, grasp_candidates=20, rejected_by=(("table", 3),),
 )  # fmt: skip
+LOAD = Load(0.04, 0.5)
 REFUSED = Attempt(0, 6, "toy", "bin", "none", "ik", 10, (("ik", 10),), None)
 
 
@@ -40,9 +42,9 @@ def perception(step):
 class Bench:
     """The planner between ports that the test turns."""
 
-    def __init__(self, *choices):
+    def __init__(self, *choices, ways_on=0):
         self.asked = []
-        choices = list(choices)
+        choices, ways_on = list(choices), [MOTION.segments] * ways_on
 
         def decide(perception, attempts, looks, q):
             self.asked.append((perception.step, len(attempts), looks))
@@ -51,7 +53,14 @@ class Bench:
         def retreat(perception, q, motion):
             return Motion(motion, MOTION.segments)
 
-        self.planner = SortingPlanner(decide=decide, retreat=retreat, period=0.1, settle_time=0.5)
+        def carry_on(perception, pick, q, motion):
+            if not ways_on:
+                raise RuntimeError("no way on")
+            return Motion(motion, ways_on.pop(), LOAD)
+
+        self.planner = SortingPlanner(
+            decide=decide, retreat=retreat, carry_on=carry_on, period=0.1, settle_time=0.5
+        )  # fmt: skip
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()
         self.fix("perception", None)
@@ -83,8 +92,12 @@ class Bench:
         self.fix("perception", perception(step))
         self.wait()
 
-    def finish(self):
-        self.fix("motion_status", MotionStatus(self.out("motion").id, "", True))
+    def finish(self, stopped=""):
+        self.fix("motion_status", MotionStatus(self.out("motion").id, "", True, stopped))
+        self.wait()
+
+    def run(self, segment, stopped=""):
+        self.fix("motion_status", MotionStatus(self.out("motion").id, segment, False, stopped))
         self.wait()
 
 
@@ -151,6 +164,109 @@ def test_an_object_lost_on_the_way_is_felt():
     bench.wait()
     bench.finish()
     assert bench.out("attempts")[0].reason == "lost_in_transport"
+
+
+def test_resistance_on_the_way_to_the_object_is_an_attempt_and_the_loop_goes_on():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.run("reach", "unexpected_effort")
+    assert bench.out("motion").id == 0, "not before the arm has come to rest"
+    bench.finish("unexpected_effort")
+    assert (bench.out("motion").id, bench.out("motion").insistence) == (1, 1.0)
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert attempt.reason == "unexpected_effort"
+    assert (attempt.action.released, attempt.action.held_lift) == (False, False)
+    bench.look(1)
+    assert bench.out("outcome") == "cleared"
+
+
+def test_a_hand_that_empties_on_the_way_does_not_go_on_to_the_place():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.hand(0.0)
+    bench.run("transport", "empty_hand")
+    bench.hand(0.04)  # it closes on something once more: too late
+    bench.finish("empty_hand")
+    assert bench.out("motion").id == 2
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert attempt.reason == "lost_in_transport"
+    assert (action.released, action.held_lift, action.held_place) == (False, True, False)
+
+
+def test_a_hand_that_empties_in_the_lift_is_an_empty_hand_whatever_it_closes_on_then():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish("empty_hand")
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert attempt.reason == "empty_hand"
+    assert (attempt.action.held_lift, attempt.action.gap_lift) == (False, 0.0)
+
+
+def test_resistance_with_the_object_in_the_hand_is_gone_around_once():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=2)
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.finish("unexpected_effort")
+    assert (bench.out("motion").id, bench.out("motion").load) == (2, LOAD)
+    bench.run("lift")
+    bench.run("transport")
+    bench.run("open")
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("executed", True, True)
+
+
+@pytest.mark.parametrize("ways_on", [0, 1])
+def test_an_object_that_cannot_be_carried_on_is_left_behind(ways_on):
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=ways_on)
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    for _ in range(1 + ways_on):
+        bench.run("transport")
+        bench.finish("unexpected_effort")
+    assert bench.out("motion").load is None, "a way back"
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("unexpected_effort", False, True)
+
+
+def test_resistance_after_the_release_does_not_undo_it():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.run("open")
+    bench.hand(0.1)
+    bench.run("retreat")
+    bench.finish("unexpected_effort")
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.released) == ("unexpected_effort", True)
+    assert attempt.action.held_place, "until it let go"
+
+
+def test_a_way_back_that_meets_resistance_is_tried_again_with_more_and_then_no_more():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.finish("unexpected_effort")
+    for insistence in (1.0, 2.0, 4.0):
+        assert bench.out("motion").insistence == insistence
+        assert bench.out("attempts") == ()
+        bench.finish("unexpected_effort")
+    assert bench.out("outcome") == "stopped: the arm was stopped on 3 ways back to the viewing pose"
+    assert [attempt.reason for attempt in bench.out("attempts")] == ["unexpected_effort"]
 
 
 def test_looks_again_when_nothing_can_be_done_and_counts_it():

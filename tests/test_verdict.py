@@ -89,30 +89,31 @@ def sample(motion, segment, hand, mug, observations=1):
     return TruthSample(0.0, observations, motion, segment, (("mug", mug),), hand)
 
 
-def executed(label="mug", released=True):
-    action = PickPlace(0, "pick_place", 1, label, EYE, EYE, "cleaning_bin", 0.04, 0.04, released)
+def executed(step=0, label="mug", released=True):
+    action = PickPlace(step, "pick_place", 1, label, EYE, EYE, "cleaning_bin", 0.04, 0.04, released)
     reason = "executed" if released else "empty_hand"
-    return Attempt(0, 1, label, "cleaning_bin", "pick_place", reason, 10, (), action)
+    return Attempt(step, 1, label, "cleaning_bin", "pick_place", reason, 10, (), action)
 
 
 def test_slips_go_with_the_attempts_that_were_executed():
     samples = (
         sample(0, "lift", at(0.0, 1.0), at(0.0, 0.9)),
-        sample(1, "retreat", at(0.0, 1.0), at(0.0, 0.7)),  # an empty hand: motion 1 is the way back
-        sample(2, "lift", at(0.0, 1.0), at(0.0, 0.9)),
-        sample(3, "transport", at(0.0, 1.0), at(0.0, 0.9)),
-        sample(3, "transport", at(0.5, 1.0), at(0.5, 0.87)),
-        sample(3, "open", at(0.5, 1.0), at(0.5, 0.4)),
+        sample(1, "retreat", at(0.0, 1.0), at(0.0, 0.7)),  # an empty hand, and a way back that was begun twice
+        sample(2, "retreat", at(0.0, 1.0), at(0.0, 0.7)),
+        sample(3, "lift", at(0.0, 1.0), at(0.0, 0.9), observations=2),
+        sample(4, "transport", at(0.0, 1.0), at(0.0, 0.9), observations=2),
+        sample(4, "transport", at(0.5, 1.0), at(0.5, 0.87), observations=2),
+        sample(4, "open", at(0.5, 1.0), at(0.5, 0.4), observations=2),
     )
-    attempts = (REFUSED, executed(released=False), REFUSED, executed(), REFUSED)
-    slips = _slips(attempts, samples)
+    refused = dataclasses.replace(REFUSED, step=1)
+    slips = _slips((REFUSED, executed(0, released=False), refused, executed(1), refused), samples)
     assert slips[3] == pytest.approx(0.03)
     assert [slips[k] for k in (0, 1, 2, 4)] == [None] * 4
 
 
 def test_a_label_that_no_object_has_cannot_slip():
     samples = (sample(1, "transport", at(0.0, 1.0), at(0.0, 0.9)), sample(1, "transport", at(0.5, 1.0), at(0.5, 0.9)))
-    assert _slips((executed("toy"), executed("mug")), samples) == [None, None]
+    assert _slips((executed(label="toy"),), samples) == [None]
 
 
 def test_a_belief_is_scored_by_where_things_were_when_it_was_asked_for(catalogue):

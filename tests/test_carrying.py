@@ -1,0 +1,59 @@
+"""The way on of an arm that was stopped with an object in its hand."""
+
+import itertools
+
+import numpy as np
+import pytest
+from test_picking import ARM, CATALOGUE, plan, standing
+
+from sum_drake import timing
+from sum_drake.carrying import plan_carrying_on
+from sum_drake.geometry import inverse
+from sum_drake.pick_config import PickConfig
+from sum_drake.picking import PickPlan
+from sum_drake.planning_scene import PlanningScene, solid_of
+
+LABEL, X_WO = "soup_can", standing("soup_can", 0.6, 0.05)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return PlanningScene()
+
+
+@pytest.fixture(scope="module")
+def made(scene):
+    answer = plan(scene)
+    assert isinstance(answer, PickPlan)
+    return answer
+
+
+def carry_on(scene, made, q_now, **more):
+    return plan_carrying_on(
+        arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
+        config=PickConfig(), **more,
+    )  # fmt: skip
+
+
+def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
+    q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
+    motion = carry_on(scene, made, q_now)
+    assert (motion.id, motion.load) == (9, made.place.load)
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
+    assert motion.segments[2:] == made.place.segments[1:]
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q_now)
+    for before, after in itertools.pairwise(motion.segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    rise = ARM.forward_many(timing.sample(motion.segments[0].trajectory, 0.05))[:, :3, 3]
+    assert rise[-1, 2] > rise[0, 2] + 0.04 and np.abs(rise[:, :2] - rise[0, :2]).max() < 0.003
+    held = scene.holding(solid_of(CATALOGUE[LABEL], X_WO).hulls, inverse(made.X_WG) @ X_WO)
+    for segment in motion.segments[:2]:
+        assert segment.gap == 0.0, "the hand stays closed"
+        assert held.with_gap(made.grasp.width).free_many(timing.sample(segment.trajectory, 0.004)).all()
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+
+
+def test_where_there_is_no_way_it_is_said_why(scene, made):
+    q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
+    with pytest.raises(RuntimeError, match=r"no free way on .*goal_in_collision .*held.*tide|tide.*held"):
+        carry_on(scene, made, q_now, obstacles=[(CATALOGUE["tide"], made.X_WO_place)])
