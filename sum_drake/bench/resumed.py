@@ -28,8 +28,13 @@ def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
     return {
         "catalogue": catalogue.path.name,
         "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
-        "code": _digest(sorted(Path(__file__).parents[1].rglob("*.py"))),
+        "code": code(),
     }
+
+
+def code() -> str:
+    """What tells versions of the program apart."""
+    return _digest(sorted(Path(__file__).parents[1].rglob("*.py")))
 
 
 def _digest(files: Sequence[Path]) -> str:

@@ -1,9 +1,9 @@
 """`sum-drake bench`: the experiments."""
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
+from sum_drake.commands import bench_plan
 from sum_drake.commands.common import (
     Commands,
     Counting,
@@ -15,6 +15,7 @@ from sum_drake.commands.common import (
     check_count,
     check_device,
     check_free,
+    check_free_or_begun,
 )
 
 
@@ -37,6 +38,7 @@ def add(commands: Commands) -> None:
     add_quiet(one)
     _add_pose(benches)
     _add_reject(benches)
+    bench_plan.add(benches)
     _add_speed(benches)
 
 
@@ -98,7 +100,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
     check_count("--workers", options.workers)
     check_count("--scenes", options.scenes)
     check_device(options.device)
-    _check_free_or_begun(options, FILES)
+    check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     found = bench_pose(
@@ -138,7 +140,7 @@ def _bench_reject(options: argparse.Namespace) -> None:
 
     check_count("--seed", options.seed, least=0)
     check_count("--workers", options.workers)
-    _check_free_or_begun(options, FILES)
+    check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     found = bench_reject(
@@ -152,13 +154,6 @@ def _bench_reject(options: argparse.Namespace) -> None:
     )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
-
-
-def _check_free_or_begun(options: argparse.Namespace, files: Sequence[str]) -> None:
-    """Refuses a folder in use, unless what is in it is to go on."""
-    begun = (options.out / "rows.jsonl").is_file() and not (options.out / "results.json").is_file()
-    if options.force or not begun:
-        check_free(options.out, files, force=options.force, what="bench")
 
 
 def _bench_detect(options: argparse.Namespace) -> None:

@@ -118,3 +118,10 @@ class Counting:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+
+
+def check_free_or_begun(options: argparse.Namespace, files: Sequence[str]) -> None:
+    """Refuses a folder in use, unless what is in it is to go on. files: what a bench leaves, its results first."""
+    begun = (options.out / "rows.jsonl").is_file() and not (options.out / files[0]).is_file()
+    if options.force or not begun:
+        check_free(options.out, files, force=options.force, what="bench")
