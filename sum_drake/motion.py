@@ -49,14 +49,15 @@ def plan_path(
     *,
     seed: int,
     budget: int = 4000,
+    planner: str = "rrt_connect",
     stop: Callable[[], bool] = lambda: False,
 ) -> Path | NoPath:
     """A short free path from q_start (n,) to one of q_goals (m, n), or why there is none.
 
-    RRT-Connect (Kuffner and LaValle 2000) searches rooms of growing size, and gives up in one after its share of
-    `budget` calls of the planner's termination condition; shortcuts are taken. Edges are checked every `FINE` radians
-    or proven free, and the whole path once more by Drake. No clock is asked, so the answer depends on the arguments
-    alone; a bench may `stop` searches earlier by one of its own.
+    One of PLANNERS searches rooms of growing size, and gives up in one after its share of `budget` calls of its
+    termination condition; shortcuts are taken. Edges are checked every `FINE` radians or proven free, and the whole
+    path once more, every `CONFIRM`, by Drake. No clock is asked, so the answer depends on the arguments alone; a bench
+    may `stop` searches earlier by one of its own.
     """
     q_goals = np.atleast_2d(q_goals)
     if not scene.is_free(q_start):
@@ -64,28 +65,56 @@ def plan_path(
     free = np.flatnonzero(scene.free_many(q_goals))
     if not len(free):
         return NoPath("goal_in_collision", scene.colliding_pairs(q_goals[0]))
-    edges, reason = _Edges(scene, stop), "budget"
+    edges, reason = _Edges(scene, planner, stop), "budget"
     for attempt in range(_CONFIRMATIONS):
         qs = _search(edges, q_start, q_goals[free], seed + attempt, budget)
         if qs is None:
             break
-        if scene.confirmed(qs):
+        if scene.confirmed(qs, CONFIRM):
             goal = int(free[np.abs(q_goals[free] - qs[-1]).max(1).argmin()])
             return Path(readonly(qs), goal, edges.count)
         reason = "unconfirmed"
     return NoPath(reason, (), edges.count)
 
 
+PLANNERS: dict[str, Callable[[Any], Any]] = {
+    "rrt_connect": lambda information: _ranged(og.RRTConnect(information)),
+    "rrt": lambda information: _ranged(og.RRT(information)),
+    "bkpiece": og.BKPIECE1,
+    "lbkpiece": og.LBKPIECE1,
+    "kpiece": og.KPIECE1,
+    "bit_star": og.BITstar,
+    "prm": og.PRM,
+}
+"""OMPL's planners that were tried, by name (`benchmarks/planners.py`). RRT-Connect (Kuffner and LaValle 2000) is used: it
+is the quickest where paths are easy and among the surest where they are hard."""
+RANGE = 1.2
+"""Length of a tree's edges, seconds at full speed."""
+
+
+def _ranged(planner: Any) -> Any:
+    planner.setRange(RANGE)
+    return planner
+
+
+CONFIRM = 0.02
+"""Radians between the configurations at which Drake looks at a path that the compiled model has found free every `FINE`:
+whether the two see the same bodies shows there, too, at a quarter of the cost."""
 _CONFIRMATIONS = 3
 """Paths that are searched for, each elsewhere, before Drake's disagreement counts. Both see the same bodies; they can
 differ only where a path grazes something by less than a thousandth of its distance."""
 
 
 class _Edges:
-    """Counts the edges that are checked."""
+    """What a search is made with: edges, which are counted, the planner, and when to stop."""
 
-    def __init__(self, scene: CheckedScene, stop: Callable[[], bool]) -> None:
+    def __init__(self, scene: CheckedScene, planner: str, stop: Callable[[], bool]) -> None:
         self._model, self.count, self.space, self.stop = scene.model, 0, scene.space, stop
+        self.planner = PLANNERS[planner]
+
+    def holds(self, q: Array) -> bool:
+        """Whether a state is free: edges include their ends, but some planners ask before they try one."""
+        return self._model.is_free(q)
 
     def free(self, q0: Array, q1: Array) -> bool:
         self.count += 1
@@ -108,7 +137,7 @@ def _search(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budget: in
     for room, share in _ROOMS:
         found: list[Array] = []
         for each in seeds:
-            qs = _rrt_connect(edges, q_start, q_goals, room, each, round(share * budget))
+            qs = _explore(edges, q_start, q_goals, room, each, round(share * budget))
             if qs is None:
                 break
             found.append(_shortcut(edges, qs, np.random.default_rng(each)))
@@ -117,8 +146,8 @@ def _search(edges: _Edges, q_start: Array, q_goals: Array, seed: int, budget: in
     return None
 
 
-def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, seed: int, budget: int) -> Array | None:
-    """OMPL's RRT-Connect to any of q_goals (n, 8); None when the budget is used up. Only exact solutions count."""
+def _explore(edges: _Edges, q_start: Array, q_goals: Array, room: float, seed: int, budget: int) -> Array | None:
+    """A path to any of q_goals (m, n); None when the budget is used up. Only exact solutions count."""
     ou.setLogLevel(ou.LogLevel.LOG_NONE)
     ou.RNG.setSeed(seed % (2**31 - 1) + 1)  # a seed of 0 would be ignored
     joints, n = edges.space, len(edges.space.names)
@@ -155,7 +184,7 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
 
     validator = Validator(information)
     information.setMotionValidator(validator)
-    is_valid: Callable[[Any], bool] = lambda given: True  # noqa: E731  (edges include their ends)
+    is_valid: Callable[[Any], bool] = lambda given: edges.holds(q_of(given))
     information.setStateValidityChecker(is_valid)
     information.setup()
     problem = ob.ProblemDefinition(information)
@@ -164,8 +193,7 @@ def _rrt_connect(edges: _Edges, q_start: Array, q_goals: Array, room: float, see
     for q_goal in q_goals:
         goals.addState(state(q_goal))
     problem.setGoal(goals)
-    planner = og.RRTConnect(information)
-    planner.setRange(1.2)
+    planner = edges.planner(information)
     planner.setProblemDefinition(problem)
     planner.setup()
     calls = itertools.count()
