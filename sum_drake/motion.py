@@ -86,8 +86,8 @@ PLANNERS: dict[str, Callable[[Any], Any]] = {
     "bit_star": og.BITstar,
     "prm": og.PRM,
 }
-"""OMPL's planners that were tried, by name (`benchmarks/planners.py`). RRT-Connect (Kuffner and LaValle 2000) is used: it
-is the quickest where paths are easy and among the surest where they are hard."""
+"""OMPL's planners that were tried, by name (`benchmarks/planners.py`). RRT-Connect (Kuffner and LaValle 2000) is used:
+the quickest where paths are easy, and among the surest where they are hard."""
 RANGE = 1.2
 """Length of a tree's edges, seconds at full speed."""
 
@@ -98,8 +98,8 @@ def _ranged(planner: Any) -> Any:
 
 
 CONFIRM = 0.02
-"""Radians between the configurations at which Drake looks at a path that the compiled model has found free every `FINE`:
-whether the two see the same bodies shows there, too, at a quarter of the cost."""
+"""Radians between the configurations at which Drake looks at a path that the compiled model has found free every
+`FINE`: whether the two see the same bodies shows there, too, at a quarter of the cost."""
 _CONFIRMATIONS = 3
 """Paths that are searched for, each elsewhere, before Drake's disagreement counts. Both see the same bodies; they can
 differ only where a path grazes something by less than a thousandth of its distance."""
@@ -184,7 +184,10 @@ def _explore(edges: _Edges, q_start: Array, q_goals: Array, room: float, seed: i
 
     validator = Validator(information)
     information.setMotionValidator(validator)
-    is_valid: Callable[[Any], bool] = lambda given: edges.holds(q_of(given))
+
+    def is_valid(given: Any) -> bool:
+        return edges.holds(q_of(given))
+
     information.setStateValidityChecker(is_valid)
     information.setup()
     problem = ob.ProblemDefinition(information)
