@@ -3,8 +3,8 @@
     python benchmarks/planners.py --out benchmarks/results/planners.json
 
 Every planner gets the same edges, rooms, shortcuts and confirmation (`motion.plan_path`), with budgets that grow until
-2 CPU seconds are over for a pick's path, 10 for a hard one. Prints the share solved, the median of all CPU seconds (what
-was not found counts whole), and how long the paths found would take. With --every N every N-th question only.
+2 CPU seconds are over for a pick's path, 10 for a hard one. Prints the share solved, the median of all CPU seconds
+(what was not found counts whole), and how long the paths found would take. With --every N every N-th question only.
 """
 
 import argparse
