@@ -149,7 +149,7 @@ def _run(
         sim_time_s=root.get_time(),
         absent=hand.absent,
         acts=tuple(hand.acts),
-        limit_use=limit_use(*(_logged(diagram, root, what) for what in ("state", "effort")), PERIOD),
+        limit_use=limit_use(_logged(diagram, root, "state"), _logged(diagram, root, "effort"), PERIOD),
     )
 
 
