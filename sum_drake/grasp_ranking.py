@@ -103,13 +103,15 @@ def rank_grasps(
     # The mean of the surface stands for the centre of mass, which no catalogue tells.
     arm_W = apply(X_WO, cloud.p_OQs.mean(0)[None])[0] - X_WGs[:, :3, 3]
     # The weight's moment about the closing axis twists the object between the pads, which only friction within them
-    # resists. Across that axis the friction of one pad works against the other's, the better the wider they are apart;
-    # half of it is left for that, as friction carries the weight, too.
+    # resists, the less the smaller and the more slanted the contacts are. Across that axis the friction of one pad
+    # works against the other's, the better the wider they are apart; half of it is left for that, as friction carries
+    # the weight, too.
     weight = 9.81 * (DEFAULT_MASS if model.mass is None else model.mass)
     twist = np.abs(arm_W[:, 1] * X_WGs[:, 0, 1] - arm_W[:, 0] * X_WGs[:, 1, 1])
     across = np.sqrt(np.maximum((arm_W[:, :2] ** 2).sum(1) - twist**2, 0.0))
     borne_across = 0.5 * config.friction * FINGERS[0].effort * np.maximum(widths, 1e-3)
-    balance = 1.0 / (1.0 + (weight * twist / config.torque) ** 2 + (weight * across / borne_across) ** 2)
+    borne_twist = config.torque * np.maximum(qualities, 1e-3)
+    balance = 1.0 / (1.0 + (weight * twist / borne_twist) ** 2 + (weight * across / borne_across) ** 2)
     room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
     merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
     scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)

@@ -22,9 +22,9 @@ CAUSES = {
     "empty_hand": "the hand held nothing any more",
 }
 """Why a motion is broken off."""
-WATCHED = ("approach", "reach", "lift", "transport", "retreat", "return")
+WATCHED = ("approach", "reach", "lift", "transport", "lower", "retreat", "return")
 """Segments in which the arm moves."""
-CARRYING = ("lift", "transport")
+CARRYING = ("lift", "transport", "lower")
 """Segments in which the hand is to hold something."""
 FREE, LOADED = 0.2, 0.3
 """Share of a drive's largest effort by which it may differ from what is expected, with empty hands and while carrying:

@@ -55,5 +55,5 @@ def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
 
 def test_where_there_is_no_way_it_is_said_why(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
-    with pytest.raises(RuntimeError, match=r"no free way on .*goal_in_collision .*held.*tide|tide.*held"):
+    with pytest.raises(RuntimeError, match=r"no free way on .*goal_in_collision .*tide"):
         carry_on(scene, made, q_now, obstacles=[(CATALOGUE["tide"], made.X_WO_place)])

@@ -1,5 +1,7 @@
 """What a scene leaves of an object's grasps, and in which order."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +14,7 @@ from sum_drake.grasp_ranking import CAUSES, RankedGrasps, hand_clearances, lowes
 from sum_drake.grasping import grasp_candidates, half_turn
 from sum_drake.objects import ObjectModel
 from sum_drake.robot import HAND
-from sum_drake.types import Array, PoseBelief
+from sum_drake.types import Array, Grasp, PoseBelief
 
 TABLE = 0.7
 NOTHING = np.zeros((0, 3))
@@ -77,6 +79,25 @@ def test_heavy_things_are_held_near_their_middle(models: dict[str, ObjectModel])
     best = _rank(models["bar"], _standing(models["bar"]))
     assert abs(best.grasps[0].X_OG[1, 3]) < 0.05
     assert max(abs(grasp.X_OG[1, 3]) for grasp in best.grasps) > abs(best.grasps[0].X_OG[1, 3]) + 0.05
+
+
+def test_off_the_middle_a_small_contact_counts_for_less(models: dict[str, ObjectModel]) -> None:
+    """A pad on an edge lets the object swing where a pad on a face does not."""
+    X_WO, bar = _standing(models["bar"]), models["bar"]
+    best = _rank(bar, X_WO)
+    off = [grasp for grasp in best.grasps if abs(grasp.X_OG[1, 3]) > 0.05]
+
+    def share(quality: float, grasp: Grasp) -> float:
+        """Of its contact's quality, what is left in the grasp's score for where it is."""
+        config = dataclasses.replace(CONFIG, weight_above=0.0, weight_room=0.0)
+        given = dataclasses.replace(grasp, quality=quality)
+        ranked = rank_grasps(
+            [given], model=bar, X_WO=X_WO, belief=PoseBelief(X_WO[None], np.ones(1)), points_W=np.zeros((0, 3)),
+            table_height=0.0, config=config,
+        )  # fmt: skip
+        return float(ranked.scores[0]) / quality
+
+    assert off and all(share(0.4, grasp) < 0.8 * share(1.0, grasp) for grasp in off[:3])
 
 
 def test_neighbours_and_doubt_cost_grasps_and_say_so(models: dict[str, ObjectModel]) -> None:

@@ -32,7 +32,12 @@ def test_what_goes_wrong_while_deciding_ends_the_trial_and_is_told():
         raise RuntimeError("no idea")
 
     trial = run_picks(
-        SCENARIO, CATALOGUE, {"sugar": standing(CATALOGUE, "sugar", 0.6, 0.1)}, decide=decide, retreat=None
+        SCENARIO,
+        CATALOGUE,
+        {"sugar": standing(CATALOGUE, "sugar", 0.6, 0.1)},
+        decide=decide,
+        retreat=None,
+        carry_on=None,
     )
     assert trial.outcome == "stopped: failed: RuntimeError: no idea"
     assert trial.truth and trial.use.samples > 0

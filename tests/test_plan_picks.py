@@ -21,11 +21,14 @@ from sum_drake.bench.plan_picks import (
     pick_figures,
     pick_rows,
     pick_tasks,
+    scenario_for,
     surface_points,
 )
 from sum_drake.geometry import transform
 from sum_drake.objects import load_catalogue
 from sum_drake.systems.referee import TruthSample
+from sum_drake.systems.scenario import load_scenario
+from sum_drake.task import region_of
 from sum_drake.types import readonly
 
 CATALOGUE = load_catalogue()
@@ -110,6 +113,17 @@ def test_some_things_no_hand_could_take(tmp_path):
     for model, hopeless in ((plate, True), (brick, False)):
         X_WO = transform(np.eye(3), np.array([0.6, 0.0, 0.7 + model.dimensions[2] / 2]))
         assert no_hand_could(model, X_WO, table_height=0.7, config=CONFIG) == hopeless
+
+
+def test_every_label_of_any_catalogue_has_a_bin_to_go_to(tmp_path):
+    usual = scenario_for(CATALOGUE)
+    assert usual.goal == {label: region_of(label, load_scenario().goal, CATALOGUE) for label in CATALOGUE.labels}
+    (tmp_path / "few").mkdir()
+    few = part_of_package(tmp_path / "few", ("sugar", "tide"))
+    entries = few.path.read_text().replace("category: cleaning", "category: strange")
+    few.path.write_text(entries)
+    scenario = scenario_for(load_catalogue(few.path))
+    assert set(scenario.goal) == {"sugar", "tide"} and set(scenario.goal.values()) <= set(scenario.regions)
 
 
 def test_points_on_neighbours_are_on_their_surfaces():

@@ -291,6 +291,15 @@ def test_a_belief_that_leaves_no_way_back_is_not_believed(q_over_table):
         assert SCENE.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
 
 
+def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_seen, pick):
+    q = timing.evaluate(pick.plan.place.segments[0].trajectory, 0.4)[0]
+    motion = make_task().carry_on(can_seen, pick, q, 7)
+    assert (motion.id, motion.load) == (7, pick.plan.place.load)
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
+    np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
+
+
 def test_a_picture_without_depth_is_no_clear_table():
     seen = see({}, [])
     assert make_task().decide(seen, (), 0, VIEW).outcome == "cleared"

@@ -10,6 +10,7 @@ What is done is kept in rows.jsonl: called again, the bench goes on.
 
 import dataclasses
 import functools
+import json
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -222,8 +223,19 @@ _robot: _Robot
 def start_worker(catalogue: Catalogue) -> None:
     """Makes ready to measure in this process."""
     global _robot
-    scenario = load_scenario(catalogue=catalogue)
+    scenario = scenario_for(catalogue)
     _robot = _Robot(catalogue, scenario, Arm(), PlanningScene(flat_directives(scenario.directives)))
+
+
+def scenario_for(catalogue: Catalogue) -> Scenario:
+    """The sorting scenario in which every label of a catalogue, whatever its category, has a region to go to."""
+    usual = load_scenario()
+    bins = sorted(set(usual.goal.values()))
+    goal = {
+        label: usual.goal.get(model.category, bins[i % len(bins)]) for i, (label, model) in enumerate(catalogue.items())
+    }
+    text = json.dumps({"goal": goal, "objects": {"count": min(CLUTTER, len(catalogue))}})  # which is YAML, too
+    return load_scenario(text=text, catalogue=catalogue)
 
 
 def measure_pick(setting: str, seed: int, label: str) -> Picked:
