@@ -23,10 +23,11 @@ from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.pick_config import PickConfig
+from sum_drake.prospects import POLICIES
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.object_detector import ObjectDetectorConfig
 from sum_drake.systems.pouring import PouringConfig
-from sum_drake.task import POLICIES, TaskConfig
+from sum_drake.task import TaskConfig
 from sum_drake.types import LEAVE, Region, readonly
 from sum_drake.yamlio import parse_yaml
 

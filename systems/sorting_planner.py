@@ -168,7 +168,7 @@ class SortingPlanner(LeafSystem):
         """Feels the hand until it opens; afterwards the attempt is history."""
         status: MotionStatus = self._status.Eval(context)
         if not self._done(context, held):
-            if status.segment == "transport":
+            if status.segment in ("transport", "lower"):
                 return dataclasses.replace(held, at_place=self._feel(context))
             return held
         return self._record(held, released=True)
@@ -191,7 +191,7 @@ class SortingPlanner(LeafSystem):
         track, step = held.pick.track, held.observations - 1
         action = PickPlace(
             step=step,
-            kind="pick_place",
+            kind=held.pick.kind,
             track=track.id,
             label=track.label,
             X_WG_pick=plan.X_WG,
@@ -210,8 +210,8 @@ class SortingPlanner(LeafSystem):
         else:
             reason = "executed" if held.at_place.holds(plan.grasp.width) else "lost_in_transport"
         attempt = Attempt(
-            step, track.id, track.label, held.pick.region, "pick_place", reason,
-            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG,
+            step, track.id, track.label, held.pick.region, held.pick.kind, reason,
+            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG, held.pick.why,
         )  # fmt: skip
         return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
 
