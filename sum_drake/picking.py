@@ -153,7 +153,7 @@ def plan_pick_place(
     if not scenes.around.is_free(q_now):
         rejected["start_in_collision" + _met(scenes.around, q_now[None])] += len(ranked.grasps)
         return Infeasible("start_in_collision", candidates, counts())
-    if spots is not None and not len(spots):
+    if spots is not None and not len(spots) and ranked.grasps:
         rejected["no_place"] += len(ranked.grasps)
         return Infeasible("no_place", candidates, counts())
     furthest, searches = "no_grasp", 0

@@ -5,7 +5,7 @@ import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.ndimage import distance_transform_edt
 
 from sum_drake.geometry import rotation_from_vector, transform
 from sum_drake.objects import ObjectModel
@@ -14,6 +14,10 @@ from sum_drake.types import Array, Region, readonly
 
 PRINT = 0.015
 """Distance between the points that stand for an object seen from above, metres."""
+CELL = 0.01
+"""Of the grid on which distances are looked up, metres."""
+AROUND = 0.2
+"""What stands farther than this from a region does not count, metres."""
 
 
 @dataclasses.dataclass
@@ -76,8 +80,8 @@ def free_places(
     height = table.floor_height + config.gap - low
     if R_WO is X_WO[:3, :3] or np.allclose(R_WO, X_WO[:3, :3]):
         height = max(height, float(X_WO[2, 3]) + config.gap)
-    taken = cKDTree(taken_W[:, :2]) if len(taken_W) else None
-    aside = cKDTree(aside_of_W[:, :2]) if aside_of_W is not None and len(aside_of_W) else None
+    room_at = _distances(taken_W, region)
+    aside_at = _distances(np.empty((0, 3)) if aside_of_W is None else aside_of_W, region)
     options: list[tuple[float, float, Array]] = []
     for yaw in 2 * np.pi * np.arange(config.yaws) / config.yaws:
         R = rotation_from_vector(np.array([0.0, 0.0, yaw])) @ R_WO
@@ -92,10 +96,8 @@ def free_places(
             np.meshgrid(*(np.linspace(a, b, n) for a, b, n in zip(first, last, counts, strict=True))), -1
         ).reshape(-1, 2)  # fmt: skip
         prints = spots[:, None] + print_  # (s, f, 2)
-        room = taken.query(prints)[0].min(1) if taken is not None else np.full(len(spots), np.inf)
-        free = room >= config.margin
-        if aside is not None:
-            free &= aside.query(prints)[0].min(1) >= config.aside
+        room = room_at(prints).min(1)
+        free = (room >= config.margin) & (aside_at(prints).min(1) >= config.aside)
         for other in avoid:
             off = np.abs(prints - other.p_W[:2]) - other.half_extents[:2]
             free &= (off.max(2) > 0).all(1)
@@ -109,3 +111,17 @@ def free_places(
     options.sort(key=lambda option: (round(option[0] / 0.01), option[1]))
     reached = (readonly(X) for _, _, X in options if within_reach(X))
     return tuple(itertools.islice(reached, config.places))
+
+
+def _distances(points_W: Array, region: Region) -> Callable[[Array], Array]:
+    """Distance of places (..., 2) in a region from the nearest of points (m, 3), seen from above, to within a cell."""
+    start = region.p_W[:2] - region.half_extents[:2] - AROUND
+    size = np.ceil(2 * (region.half_extents[:2] + AROUND) / CELL).astype(int) + 1
+    cells = np.floor((points_W[:, :2] - start) / CELL).astype(int)
+    cells = cells[((cells >= 0) & (cells < size)).all(1)]
+    if not len(cells):
+        return lambda p: np.full(p.shape[:-1], np.inf)
+    taken = np.zeros(size, dtype=bool)
+    taken[tuple(cells.T)] = True
+    distances = CELL * distance_transform_edt(~taken)
+    return lambda p: np.asarray(distances[tuple(np.moveaxis(((p - start) / CELL).astype(int), -1, 0))])
