@@ -7,7 +7,7 @@ held is set down elsewhere to be grasped anew. Every object that is not attempte
 
 import dataclasses
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -198,7 +198,8 @@ class SortingTask:
         )
         refused: list[Attempt] = []
         stuck: list[tuple[Prospect, Attempt | None]] = []
-        unsure = [p for p in prospects if policy == "surest" and surest(p) < self._config.least_sure]
+        unsure = {p.track.id: p for p in prospects if policy == "surest" and surest(p) < self._config.least_sure}
+        helped: set[tuple[int, bool]] = set()
 
         def attempt(prospect: Prospect) -> Pick | None:
             region = region_of(prospect.track.label, self._goal, self._catalogue)
@@ -210,30 +211,44 @@ class SortingTask:
             stuck.append((prospect, plan))
             return None
 
-        surer = (p for p in prospects if p not in unsure)
+        surer = (p for p in prospects if p.track.id not in unsure)
         choice = next((made for made in map(attempt, surer) if made is not None), None)
         if choice is None:
-            choice = self._help(now, [*stuck, *((p, None) for p in unsure)], refused)
+            hopes = [*stuck, *((p, None) for p in unsure.values())]
+            choice = self._help(now, hopes, refused, helped, unsure, attempt)
+        while choice is None and unsure:
+            choice = attempt(unsure.pop(next(iter(unsure))))
         if choice is None:
-            choice = next((made for made in map(attempt, unsure) if made is not None), None)
-        if choice is None and unsure:
-            choice = self._help(now, stuck, refused)
+            choice = self._help(now, stuck, refused, helped, unsure, attempt)
         return choice, refused
 
-    def _help(self, now: _Now, stuck: Sequence[tuple[Prospect, Attempt | None]], refused: list[Attempt]) -> Pick | None:
+    def _help(
+        self,
+        now: _Now,
+        stuck: Sequence[tuple[Prospect, Attempt | None]],
+        refused: list[Attempt],
+        helped: set[tuple[int, bool]],
+        untried: dict[int, Prospect],
+        attempt: Callable[[Prospect], Pick | None],
+    ) -> Pick | None:
         """Moves something for the sake of what cannot, or can hardly, be taken; adds to `refused` what cannot be moved.
 
-        stuck: those objects, best first, and the attempt that was given up, None for those not tried yet.
+        stuck: those objects, best first, and the attempt that was given up, None for those not tried yet. helped: moves
+        that were planned before, which are not planned again. untried: objects that, rather than be moved, are brought
+        to where they belong, if that works: by `attempt`.
         """
-        done: set[tuple[int, bool]] = set()
-        for prospect, given_up in stuck:
+        for prospect, given_up in tuple(stuck):
             for track, words in self._helpers(now, prospect, given_up):
                 itself = track.id == prospect.track.id
-                if (track.id, itself) in done or not self._may_move(now, track):
+                if track.id in untried and not itself:
+                    choice = attempt(untried.pop(track.id))
+                    if choice is not None:
+                        return dataclasses.replace(choice, why=f"{choice.why}; {words}")
+                if (track.id, itself) in helped or not self._may_move(now, track):
                     continue
-                if len(done) == self._config.max_helpers:
+                if len(helped) == self._config.max_helpers:
                     return None
-                done.add((track.id, itself))
+                helped.add((track.id, itself))
                 region = self._put_aside_in(track)
                 for_whom = None if itself else prospect.track
                 plan = self._try(now, self._prospect(now, track), region, move=True, for_whom=for_whom)

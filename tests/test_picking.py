@@ -279,10 +279,11 @@ def test_spots_that_are_none_taken_or_too_far_are_told_apart(scene):
     assert dict(made.rejected_by)["place_collision_table"] == 4, "what is met"
 
 
-def test_what_is_over_an_object_is_named_where_the_lift_meets_it(scene):
-    lid = standing("soup_can", 0.6, 0.05)
-    lid[2, 3] += 0.31  # above the hand, in the way of the least of the lifts
-    made = plan(scene, obstacles=[(CATALOGUE["sugar"], lid)])
-    assert isinstance(made, Infeasible)
-    assert made.reason in ("reach", "lift")
-    assert dict(made.rejected_by)[f"{made.reason}_sugar"] > 0
+def test_what_is_over_an_object_is_named_however_far_a_grasp_gets(scene):
+    for height in (0.12, 0.31):  # at the hand, and at the wrist behind it
+        lid = standing("soup_can", 0.6, 0.05)
+        lid[2, 3] += height
+        made = plan(scene, obstacles=[(CATALOGUE["sugar"], lid)])
+        assert isinstance(made, Infeasible)
+        assert made.reason in ("grasp_collision", "reach", "lift")
+        assert dict(made.rejected_by)[f"{made.reason}_sugar"] > 0
