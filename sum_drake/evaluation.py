@@ -9,8 +9,8 @@ Definitions, and where they come from (Sui et al. 2017, section VI):
   does not accept it. The paper's "ratio of rejected detection false positives" is then
   false_positives_rejected / false_positives.
 - A *detection* is false when its likeliest label is not that of what is in its box, by the same rule.
-- A *trial* is an attempt for which the arm set out. A *manipulation error* is a trial that ends neither sorted nor
-  missorted for a wrong label, or that knocks another object off the table.
+- A *trial* is an attempt for which the arm set out. A *manipulation error* is a trial that ends neither sorted, nor
+  moved as it was meant to, nor missorted for a wrong label, or that knocks another object off the table.
 - The *completion ratio* is the share of the objects with a place to go that rest there at the end.
 - Translation error is the distance between the origins; rotation error the smallest angle over the symmetry group.
 """
@@ -24,6 +24,7 @@ import numpy as np
 
 from sum_drake.geometry import iou, pose_error
 from sum_drake.jsonio import canonical
+from sum_drake.making_way import MOVE
 from sum_drake.rendering import predicted_box
 from sum_drake.summary_schema import SCHEMA, TIMING
 from sum_drake.types import LEAVE, Array, Attempt, Believed, Box, Frame, Immutable, Perception, Region, Track
@@ -37,6 +38,8 @@ TRUE_DISTANCE = 0.05
 """An estimate nearer than this to an object of its label stems from that object, metres."""
 MOVED = 0.01
 """An object that moved less than this was not touched to any effect, metres."""
+PUT = 0.10
+"""An object that was moved to a place on the table lies at most this far from it, metres: it may have rolled over."""
 HEAP = 0.10
 """Objects lie up to this much above the rim of a full bin, metres."""
 
@@ -225,7 +228,9 @@ def _score_attempt(
     was = {label: where_is(X_WO, regions) for label, X_WO in before.X_WOs}
     now = {label: where_is(X_WO, regions) for label, X_WO in after.X_WOs}
     left = [label for label in was if label in now and now[label] != was[label]]
-    taken = _taken(attempt, left, now) if attempt.action is not None else None
+    taken = None
+    if attempt.action is not None:
+        taken = _moved(attempt, before, after) if attempt.kind == MOVE else _taken(attempt, left, now)
     return {
         "step": attempt.step,
         "track": attempt.track,
@@ -239,6 +244,7 @@ def _score_attempt(
         "grasp_candidates": attempt.grasp_candidates,
         "rejected_by": dict(attempt.rejected_by),
         "slip_m": slip,
+        "why": attempt.why,
     }
 
 
@@ -256,6 +262,22 @@ def _taken(attempt: Attempt, left: Sequence[str], now: Mapping[str, str]) -> str
     return attempt.label if attempt.label in now else None
 
 
+def _moved(attempt: Attempt, before: Truth, after: Truth) -> str | None:
+    """The true object that was in the hand of a move: the label's own, unless that stayed and another came there."""
+    assert attempt.action is not None
+    was, now = dict(before.X_WOs), dict(after.X_WOs)
+    stayed = [label for label in now if label in was and _way(was[label], now[label]) < MOVED]
+    if attempt.label in stayed:
+        for label in now:
+            if label in was and label not in stayed and _way(now[label], attempt.action.X_WO_place) < PUT:
+                return label
+    return attempt.label if attempt.label in now else None
+
+
+def _way(X_WA: Array, X_WB: Array) -> float:
+    return float(np.linalg.norm(X_WA[:3, 3] - X_WB[:3, 3]))
+
+
 def _outcome(
     attempt: Attempt,
     taken: str | None,
@@ -268,6 +290,9 @@ def _outcome(
     action = attempt.action
     if action is None:
         return "infeasible"
+    if attempt.kind == MOVE and action.released:
+        put = taken is not None and _way(dict(after.X_WOs)[taken], action.X_WO_place) < PUT
+        return "moved" if put else "dropped"
     if taken in left:
         assert taken is not None
         if now[taken] == goal.get(taken):
@@ -352,7 +377,7 @@ def _is_manipulation_error(trial: Mapping[str, Any]) -> bool:
         return True
     if trial["outcome"] == "missorted":
         return bool(trial["object"] == trial["label"])
-    return bool(trial["outcome"] != "sorted")
+    return trial["outcome"] not in ("sorted", "moved")
 
 
 def digest(perceptions: Sequence[Perception], attempts: Sequence[Attempt], final: Truth) -> str:

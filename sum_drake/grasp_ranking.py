@@ -1,12 +1,13 @@
 """The order of an object's grasps in a scene: what hand, table, neighbours and belief leave of them, best first."""
 
 import dataclasses
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from sum_drake.geometry import apply, inverse
-from sum_drake.grasping import Cloud, GraspConfig, Mask, contacts, opening, surface
+from sum_drake.grasping import Cloud, GraspConfig, Indices, Mask, contacts, opening, surface
 from sum_drake.objects import ObjectModel
 from sum_drake.resampling import systematic
 from sum_drake.robot import FINGERS, HAND
@@ -14,6 +15,8 @@ from sum_drake.types import Array, Grasp, Immutable, PoseBelief, readonly
 
 DEFAULT_MASS = 0.4
 """Kilograms, of objects whose catalogue does not say."""
+DOUBT = 0.2
+"""How much less probable it is that a grasp holds whose contact is bad, or which has no room."""
 RANKING_POINTS = 5000
 """At most this many surface points are used while ranking, where time is short."""
 
@@ -24,9 +27,10 @@ CAUSES = (
 
 approach_from_below: the approach direction is more than `max_tilt` away from straight down; table: the hand would come
 closer to the table than `table_clearance`; neighbour_finger, neighbour_palm, neighbour_approach: an obstacle point
-lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way; belief_too_wide: the grasp
-holds for less than `min_survival` of the belief.
+lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way (counted as CAUSE_NAME where
+it is known whose point that is); belief_too_wide: the grasp holds for less than `min_survival` of the belief.
 """
+NEIGHBOUR_CAUSES = ("neighbour_finger", "neighbour_palm", "neighbour_approach")
 
 HAND_PARTS = ("fingers", "palm", "approach")
 """The volumes of `hand_clearances`, in its order."""
@@ -45,6 +49,8 @@ class RankedGrasps(Immutable):
     """(n,)."""
     rejected_by: tuple[tuple[str, int], ...]
     """Number of candidates dropped for each of CAUSES."""
+    holds: Array = dataclasses.field(default_factory=lambda: readonly(np.empty(0)))
+    """(n,): about the probability that the hand gets hold of the object, if it is one of the belief's particles."""
 
 
 def rank_grasps(
@@ -56,6 +62,7 @@ def rank_grasps(
     points_W: Array,
     table_height: float,
     config: GraspConfig,
+    owners: Sequence[str] | None = None,
 ) -> RankedGrasps:
     """Drops the candidates that the scene forbids and orders the others, best first.
 
@@ -68,6 +75,7 @@ def rank_grasps(
         belief: the particles over which a grasp should hold.
         points_W: (m, 3) on surfaces that the hand must not touch: neighbours and unexplained depth.
         table_height: of the table's top, metres.
+        owners: whose surface each of points_W is on, to be named where it is in the way; None: not told.
     """
     X_OGs = np.array([grasp.X_OG for grasp in candidates]).reshape(-1, 4, 4)
     widths = np.array([grasp.width for grasp in candidates])
@@ -95,9 +103,10 @@ def rank_grasps(
     widths[drawn] = highs - lows
     reject("table", qualities == 0)
     clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    nearest = np.zeros((len(X_WGs), len(HAND_PARTS)), dtype=int)
     left = cause < 0
-    clearances[left] = hand_clearances(X_WGs[left], gaps[left], points_W, approach=config.approach)
-    for part, which in enumerate(("neighbour_finger", "neighbour_palm", "neighbour_approach")):
+    clearances[left], nearest[left] = _clearances(X_WGs[left], gaps[left], points_W, config.approach)
+    for part, which in enumerate(NEIGHBOUR_CAUSES):
         reject(which, clearances[:, part] < config.neighbour_clearance)
 
     # The mean of the surface stands for the centre of mass, which no catalogue tells.
@@ -120,7 +129,13 @@ def rank_grasps(
     survival = np.ones(len(X_WGs))
     survival[best] = _survival(cloud, X_WO, X_WGs[best], gaps[best], belief, config)
     reject("belief_too_wide", survival < config.min_survival)
+    # What stands over or beside the hand on its way up is no obstacle for certain, but room is better.
+    room[best] = np.minimum(
+        room[best], np.clip(_lift_clearances(X_WGs[best], gaps[best], points_W, config) / 0.02, 0, 1)
+    )
+    scores[best] *= 1.0 - config.weight_lift * (1.0 - room[best])
     scores *= survival
+    holds = survival * (1.0 - DOUBT * (1.0 - balance * qualities)) * (1.0 - DOUBT * (1.0 - room))
     order = best[np.argsort(-scores[best], kind="stable")]
     order = order[cause[order] < 0]
     X_OGs = inverse(X_WO) @ X_WGs
@@ -129,8 +144,21 @@ def rank_grasps(
         X_WGs=readonly(X_WGs[order]),
         gaps=readonly(gaps[order]),
         scores=readonly(scores[order]),
-        rejected_by=tuple((name, int(np.count_nonzero(cause == i))) for i, name in enumerate(CAUSES)),
+        rejected_by=_counts(cause, nearest, owners),
+        holds=readonly(holds[order]),
     )
+
+
+def _counts(cause: Indices, nearest: Indices, owners: Sequence[str] | None) -> tuple[tuple[str, int], ...]:
+    """Candidates by cause; neighbours by whose point is in the way, if that is known, most often met first."""
+    counts: list[tuple[str, int]] = []
+    for i, name in enumerate(CAUSES):
+        if owners is None or name not in NEIGHBOUR_CAUSES:
+            counts.append((name, int(np.count_nonzero(cause == i))))
+            continue
+        met = Counter(owners[point] for point in nearest[cause == i, NEIGHBOUR_CAUSES.index(name)])
+        counts += [(f"{name}_{owner}", count) for owner, count in sorted(met.items(), key=lambda kv: (-kv[1], kv[0]))]
+    return tuple(counts)
 
 
 def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: float) -> Array:
@@ -148,13 +176,29 @@ def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: flo
     Returns:
         (n, 3).
     """
+    return _clearances(X_WGs, gaps, points_W, approach)[0]
+
+
+def _lift_clearances(X_WGs: Array, gaps: Array, points_W: Array, config: GraspConfig) -> Array:
+    """(n,): the least clearance of fingers and palm on their way straight up."""
+    # The points sink instead of the hand rising.
+    sunk = [points_W - [0.0, 0.0, height] for height in config.lift * np.linspace(0.25, 1.0, 4)]
+    return np.asarray(np.min([_clearances(X_WGs, gaps, p_W, 0.0)[0][:, :2].min(1) for p_W in sunk], axis=0))
+
+
+def _clearances(X_WGs: Array, gaps: Array, points_W: Array, approach: float) -> tuple[Array, Indices]:
+    """`hand_clearances` and, (n, 3), the index of the point that is nearest."""
     clearances = np.full((len(X_WGs), len(HAND_PARTS)), np.inf)
+    nearest = np.zeros(clearances.shape, dtype=int)
     if len(X_WGs) == 0:
-        return clearances
+        return clearances, nearest
     reach = np.hypot(HAND.pad_x[1] - HAND.palm_x[0] + approach, 0.1)
     centre = X_WGs[:, :3, 3].mean(0)
     radius = np.linalg.norm(X_WGs[:, :3, 3] - centre, axis=1).max() + reach
-    points_W = points_W[np.linalg.norm(points_W - centre, axis=1) < radius]
+    close = np.flatnonzero(np.linalg.norm(points_W - centre, axis=1) < radius)
+    if len(close) == 0:
+        return clearances, nearest
+    points_W = points_W[close]
     lower, upper = _hand_boxes(gaps, approach)
     for i, X_GW in enumerate(inverse(X_WGs)):
         x, y, z = apply(X_GW, points_W).T
@@ -162,8 +206,10 @@ def hand_clearances(X_WGs: Array, gaps: Array, points_W: Array, *, approach: flo
         for part in range(len(HAND_PARTS)):
             along = np.maximum(lower[i, part, 0] - x, x - upper[i, part, 0])
             across = np.maximum(y - upper[i, part, 1], z - upper[i, part, 2])
-            clearances[i, part] = np.maximum(along, across).min(initial=np.inf)
-    return clearances
+            distances = np.maximum(along, across)
+            first = int(distances.argmin())
+            clearances[i, part], nearest[i, part] = distances[first], close[first]
+    return clearances, nearest
 
 
 def lowest_point(X_WGs: Array, gaps: Array) -> Array:

@@ -75,6 +75,10 @@ class GraspConfig:
     """Weight of approaching from above."""
     weight_room: float = 0.3
     """Weight of room to the neighbours."""
+    lift: float = 0.18
+    """Length of the straight lift, over which room to the neighbours counts, too."""
+    weight_lift: float = 0.4
+    """How much less a grasp counts that has no room there, as a share."""
     torque: float = 0.3
     """Moment of the object's weight about the closing axis, N m, at which a grasp of best contact counts half as much;
     one of quality .4 lets the object swing at somewhat more than that."""

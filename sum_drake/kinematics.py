@@ -75,6 +75,19 @@ class Arm:
         inside: Array = np.all((qs >= lower) & (qs <= upper), axis=-1)
         return inside
 
+    def reaches(self, X_WG: Array) -> bool:
+        """Whether the stretched arm, from some torso and pan, is long enough for the wrist that X_WG (4, 4) asks for.
+
+        Where it is not, that is out of reach; where it is, joint limits may still forbid it.
+        """
+        lower, upper = robot.limits()
+        p_W = X_WG[:3, 3] - LINKS.hand * X_WG[:3, 0] - np.array(LINKS.shoulder)
+        pan = np.clip(np.arctan2(p_W[1], p_W[0]), lower[1], upper[1])
+        across = p_W[:2] - LINKS.lift[0] * np.array([np.cos(pan), np.sin(pan)])
+        height = p_W[2] - LINKS.lift[2]
+        off = height - np.clip(height, lower[0], upper[0])
+        return bool(np.hypot(np.linalg.norm(across), off) <= LINKS.upper_arm + LINKS.forearm)
+
     def solutions(
         self,
         X_WG: Array,

@@ -41,6 +41,8 @@ class PickConfig:
     """The same for reach, lift and retreat."""
     release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
     """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
+    lower: float = 0.06
+    """Length of the straight way down to a place on the table."""
     close_time: float = 1.0
     """Seconds given to the fingers to close and to press."""
     open_time: float = 0.3

@@ -27,6 +27,10 @@ class PhaseScenes:
     """`around` without the object: once it has been let go, or is in the hand."""
     config: PickConfig
 
+    def moved(self, target: Solid) -> PlanningScene:
+        """`around` with the object where it has been set down."""
+        return padded(self.around.with_solids((target, *self.around.solids[1:])), self.config)
+
     @staticmethod
     def make(
         scene: PlanningScene, target: Solid, others: Sequence[Solid], points: Array, config: PickConfig

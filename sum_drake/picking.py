@@ -3,7 +3,8 @@
 A pick is approach (around everything, to a pose short of the grasp), reach (straight along the hand's approach axis),
 close, lift (straight up). A place is transport (around everything, with the object in the hand), open (as wide as
 object and place allow, so that what sits tighter than was believed comes loose too), retreat (straight back along the
-approach axis, so that nothing stays hooked over a finger), return (around everything, to the viewing pose).
+approach axis, so that nothing stays hooked over a finger), return (around everything, to the viewing pose). What is
+set down on the table, rather than let go over a bin, is first lowered straight from a little above its place.
 """
 
 import dataclasses
@@ -26,16 +27,18 @@ from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Grasp, Immutable, Load, Motion, Region, Segment, Trajectory, readonly
 
 REASONS = (
-    "no_grasp", "start_in_collision", "ik", "grasp_collision", "reach", "lift", "place_ik", "place_collision",
-    "no_path_to_pregrasp", "no_path_to_place", "no_path_home",
+    "no_grasp", "start_in_collision", "out_of_reach", "ik", "grasp_collision", "reach", "lift", "no_place",
+    "place_out_of_reach", "place_ik", "place_collision", "no_path_to_pregrasp", "no_path_to_place", "no_path_home",
 )  # fmt: skip
 """Why nothing can be done, and, but for the first two, how far a grasp got, in the order of the tests:
 
 no_grasp: no candidate came out of the ranking; start_in_collision: the arm, where it is, touches something;
-ik: the arm cannot put the hand there; grasp_collision: something other than the object is in the way at the grasp
-(counted as grasp_collision_BODY, the body that is met); reach: no straight free way from short of the grasp to it;
-lift: no straight free way up; place_ik, place_collision: the arm cannot hold the object over the region, or something
-is in the way; no_path_to_pregrasp, no_path_to_place, no_path_home: the search for a free path was given up.
+out_of_reach: the arm is too short; ik: it is not, but cannot put the hand there; grasp_collision: something other than
+the object is in the way at the grasp; reach: no straight free way from short of the grasp to it; lift: no straight free
+way up; no_place: no spot of the table's region is free; place_out_of_reach, place_ik, place_collision: the arm cannot
+hold the object over the region, or something is in the way; no_path_to_pregrasp, no_path_to_place, no_path_home: the
+search for a free path was given up. start_in_collision, grasp_collision, reach, lift and place_collision are counted as
+CAUSE_BODY, the body that is met, where there is one.
 """
 
 
@@ -49,7 +52,7 @@ class PickPlan(Immutable):
     pick: Motion
     """approach, reach, close, lift."""
     place: Motion
-    """transport, open, retreat, return; starts where `pick` ends."""
+    """transport, lower (on the table only), open, retreat, return; starts where `pick` ends."""
     X_WG_place: Array
     """(4, 4)."""
     X_WO_place: Array
@@ -93,6 +96,13 @@ class _Place:
     """Distance between the fingers once they have let go."""
     retreat: Array
     """(k, 8) from the release backwards."""
+    lower: Array | None
+    """(k, 8) from above the place to it; None where the object is let go above it."""
+
+    @property
+    def first(self) -> Array:
+        """(8,): where the arm must bring the object."""
+        return np.asarray(self.retreat[0] if self.lower is None else self.lower[0])
 
 
 class _GivenUp(Exception):
@@ -117,12 +127,14 @@ def plan_pick_place(
     seed: int,
     config: PickConfig,
     fill: float = 0.0,
+    spots: Sequence[Array] | None = None,
 ) -> PickPlan | Infeasible:
     """The first of the ranked grasps that can be picked, carried to the region and let go, with its motions.
 
     scene: robot and furniture. X_WO: (4, 4), of the object to move. q_now: (8,). obstacles: the other believed objects
     and their poses. points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
-    filled, metres above its floor. A function of its arguments; 2 to 3 CPU seconds.
+    filled, metres above its floor. spots: (4, 4) poses to set the object down at, instead of letting it go anywhere
+    over the region. A function of its arguments; 2 to 3 CPU seconds.
 
     The hand was tested against points_W when the grasps were ranked, so close to the grasp only furniture and the
     hulls of other objects count; everything counts while the arm goes around things.
@@ -139,7 +151,11 @@ def plan_pick_place(
         return (*ranked.rejected_by, *sorted(rejected.items()))
 
     if not scenes.around.is_free(q_now):
+        rejected["start_in_collision" + _met(scenes.around, q_now[None])] += len(ranked.grasps)
         return Infeasible("start_in_collision", candidates, counts())
+    if spots is not None and not len(spots) and ranked.grasps:
+        rejected["no_place"] += len(ranked.grasps)
+        return Infeasible("no_place", candidates, counts())
     furthest, searches = "no_grasp", 0
     for i in _examined(len(ranked.grasps), config.grasps):
         grasp, gap = ranked.grasps[i], float(ranked.gaps[i])
@@ -148,8 +164,11 @@ def plan_pick_place(
             searches += 1
             release = release_gap(model, inverse(pick.X_WG) @ X_WO, gap, config.release_clearance)
             openings = (release, min(release, gap + config.release))
-            places = _find_places(arm, scenes, pick, target, region, fill, openings, rng)
-            motions = _connect(scenes, pick, places, q_now, gap, int(rng.integers(2**31)))
+            if spots is None:
+                places = _find_places(arm, scenes, pick, target, region, fill, openings, rng)
+            else:
+                places = _find_spots(arm, scenes, pick, target, spots, openings)
+            motions = _connect(scenes, pick, places, target, q_now, gap, int(rng.integers(2**31)))
         except _GivenUp as given_up:
             rejected[given_up.cause] += 1
             furthest = max(furthest, given_up.stage, key=REASONS.index)
@@ -188,6 +207,8 @@ def _find_pick(
     """Reach and lift of one grasp, in the first arm configuration that allows both."""
     config = scenes.config
     around, close, gripped = scenes.around.with_gap(gap), scenes.close.with_gap(gap), scenes.close.with_gap(width)
+    if not arm.reaches(X_WG):
+        raise _GivenUp("out_of_reach")
     found = _GivenUp("ik")
     for X in (X_WG, half_turn(X_WG)):
         qs = arm.solutions(X, near=q_now, count=12)
@@ -195,21 +216,32 @@ def _find_pick(
             continue
         free = close.free_many(qs)
         if not free.any() and found.stage == "ik":
-            body = close.colliding_pairs(qs[0])[0][1]
-            found = _GivenUp("grasp_collision", f"grasp_collision_{body}")
+            found = _GivenUp("grasp_collision", "grasp_collision" + _met(close, qs))
         held = None
         for q in qs[free][:3]:
-            reach = _first_free(close, cartesian_path(arm, X, X @ _along_x(-config.approach), q), around)
+            ways = cartesian_path(arm, X, X @ _along_x(-config.approach), q)
+            reach = _first_free(close, ways, around)
             if reach is None:
-                found = max(found, _GivenUp("reach"), key=lambda why: REASONS.index(why.stage))
+                if REASONS.index(found.stage) < REASONS.index("reach"):
+                    met = (_met(close, ways[0]) or _met(around, ways[0][-1:])) if len(ways) else ""
+                    found = _GivenUp("reach", "reach" + met)
                 continue
-            found = _GivenUp("lift")
+            if found.stage != "lift":
+                found = _GivenUp("lift")
             held = held or scenes.cleared.holding(target.hulls, inverse(X) @ target.X_WS).with_gap(width)
             for height in config.lifts:
                 for lift in cartesian_path(arm, X, shifted(X, np.array([0, 0, height])), q, count=2):
                     if _clears(held, lift) and gripped.path_free(lift, 0.01):
                         return _Pick(X, reach[::-1], lift, held)
+                    if found.cause == "lift":
+                        found = _GivenUp("lift", "lift" + (_met(held, lift[:0:-1]) or _met(gripped, lift)))
     raise found
+
+
+def _met(scene: PlanningScene, qs: Array) -> str:
+    """_BODY, of the first thing that is touched in qs (n, 8); "" where none is."""
+    pairs = next((pairs for pairs in map(scene.colliding_pairs, qs) if pairs), ())
+    return f"_{pairs[0][1]}" if pairs else ""
 
 
 def _clears(held: PlanningScene, lift: Array) -> bool:
@@ -238,7 +270,7 @@ def _find_places(
     X_WO_lift = arm.forward(q_lift) @ X_GO
     turn = np.arctan2(region.p_W[1], region.p_W[0]) - np.arctan2(X_WO_lift[1, 3], X_WO_lift[0, 3])
     spots = np.array([(x, y) for x in (-0.7, 0.0, 0.7) for y in (-0.7, 0.0, 0.7)])[rng.permutation(9)][:3]
-    stage = "place_ik"
+    stage = cause = "place_out_of_reach"
     for height in config.release_heights:
         options: list[tuple[float, Array, Array, Array]] = []
         for yaw in turn + np.arange(-5, 7) * np.pi / 6:
@@ -252,14 +284,16 @@ def _find_places(
                 X_WO[:2, 3] = region.p_W[:2] + spot * room[:2] - (low + high)[:2] / 2
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
-                for q in arm.solutions(X_WG, near=q_lift, count=2, thorough=False):
-                    home = nearest_turns(VIEW, q)
-                    options.append((seconds(np.stack([q_lift, q, home]), SPACE), q, X_WG, X_WO))
+                if stage == "place_out_of_reach" and arm.reaches(X_WG):
+                    stage = cause = "place_ik"
+                options += _ways_to_hold(arm, X_WG, X_WO, q_lift)
         options.sort(key=lambda option: option[0])
         if not options:
             continue
-        stage = "place_collision"
-        free = pick.held.free_many(np.array([q for _, q, _, _ in options[:60]]))
+        qs = np.array([q for _, q, _, _ in options[:60]])
+        free = pick.held.free_many(qs)
+        if stage != "place_collision":
+            stage, cause = "place_collision", "place_collision" + _met(pick.held, qs[np.flatnonzero(~free)[:1]])
         places: list[_Place] = []
         for k in np.flatnonzero(free):
             _, q, X_WG, X_WO = options[k]
@@ -270,7 +304,48 @@ def _find_places(
                 break
         if places:
             return places
-    raise _GivenUp(stage)
+    raise _GivenUp(stage, cause)
+
+
+def _ways_to_hold(arm: Arm, X_WG: Array, X_WO: Array, q_lift: Array) -> list[tuple[float, Array, Array, Array]]:
+    """Up to two (seconds on the way there and home, q, X_WG, X_WO)."""
+    qs = arm.solutions(X_WG, near=q_lift, count=2, thorough=False)
+    return [(seconds(np.stack([q_lift, q, nearest_turns(VIEW, q)]), SPACE), q, X_WG, X_WO) for q in qs]
+
+
+def _find_spots(
+    arm: Arm, scenes: PhaseScenes, pick: _Pick, target: Solid, spots: Sequence[Array], gaps: Sequence[float]
+) -> list[_Place]:
+    """Up to three ways to set the object down at one of the spots, X_WO (4, 4), of those that are soon reached."""
+    config = scenes.config
+    X_GO = inverse(pick.X_WG) @ target.X_WS
+    # Close to the table, which it is to rest on.
+    held = scenes.close.holding(target.hulls, X_GO).with_gap(pick.held.gap)
+    X_WGs = [X_WO @ inverse(X_GO) for X_WO in spots]
+    stage = "place_ik" if any(map(arm.reaches, X_WGs)) else "place_out_of_reach"
+    options = [
+        option
+        for X_WG, X_WO in zip(X_WGs, spots, strict=True)
+        for option in _ways_to_hold(arm, X_WG, X_WO, pick.lift[-1])
+    ]
+    if not options:
+        raise _GivenUp(stage)
+    options.sort(key=lambda option: option[0])
+    qs = np.array([q for _, q, _, _ in options])
+    free = held.free_many(qs)
+    places: list[_Place] = []
+    for k in np.flatnonzero(free):
+        _, q, X_WG, X_WO = options[k]
+        above = cartesian_path(arm, X_WG, shifted(X_WG, np.array([0.0, 0.0, config.lower])), q)
+        lower = _first_free(held, above, pick.held)
+        place = None if lower is None else _let_go(arm, scenes, X_WG, X_WO, q, gaps)
+        if lower is not None and place is not None:
+            places.append(dataclasses.replace(place, lower=lower[::-1]))
+        if len(places) == 3:
+            break
+    if not places:
+        raise _GivenUp("place_collision", "place_collision" + _met(held, qs[np.flatnonzero(~free)[:1]]))
+    return places
 
 
 def _let_go(arm: Arm, scenes: PhaseScenes, X_WG: Array, X_WO: Array, q: Array, gaps: Sequence[float]) -> _Place | None:
@@ -282,7 +357,7 @@ def _let_go(arm: Arm, scenes: PhaseScenes, X_WG: Array, X_WO: Array, q: Array, g
         for paths in retreats:
             retreat = _first_free(opened, paths, cleared)
             if retreat is not None:
-                return _Place(X_WG, X_WO, gap, retreat)
+                return _Place(X_WG, X_WO, gap, retreat, None)
     return None
 
 
@@ -299,7 +374,7 @@ def release_gap(model: ObjectModel, X_GO: Array, gap: float, clearance: float) -
 
 
 def _connect(
-    scenes: PhaseScenes, pick: _Pick, places: Sequence[_Place], q_now: Array, gap: float, seed: int
+    scenes: PhaseScenes, pick: _Pick, places: Sequence[_Place], target: Solid, q_now: Array, gap: float, seed: int
 ) -> tuple[_Place, Motion, Motion]:
     """Searches the three paths around things, and times everything."""
     config = scenes.config
@@ -307,12 +382,13 @@ def _connect(
     approach = plan_path(around, q_now, pick.reach[:1], seed=seed, budget=config.budget)
     if isinstance(approach, NoPath):
         raise _GivenUp("no_path_to_pregrasp")
-    releases = np.array([place.retreat[0] for place in places])
+    releases = np.array([place.first for place in places])
     transport = plan_path(pick.held, pick.lift[-1], releases, seed=seed, budget=config.budget)
     if isinstance(transport, NoPath):
         raise _GivenUp("no_path_to_place")
     place = places[transport.goal]
-    cleared = scenes.cleared.with_gap(place.gap)
+    cleared = scenes.cleared if place.lower is None else scenes.moved(dataclasses.replace(target, X_WS=place.X_WO))
+    cleared = cleared.with_gap(place.gap)
     home = nearest_turns(VIEW, place.retreat[-1])
     back = plan_path(cleared, place.retreat[-1], home[None], seed=seed, budget=config.budget)
     if isinstance(back, NoPath):
@@ -327,9 +403,11 @@ def _connect(
         Segment("close", timing.rest(pick.reach[-1], config.close_time), 0.0),
         Segment("lift", straight(pick.lift), 0.0),
     )
+    lowering = () if place.lower is None else (Segment("lower", straight(place.lower), 0.0),)
     placing = (
         Segment("transport", timed(pick.held, transport.qs, config.speed), 0.0),
-        opening(transport.qs[-1], place.gap, config),
+        *lowering,
+        opening(place.retreat[0], place.gap, config),
         Segment("retreat", straight(place.retreat), place.gap),
         Segment("return", timed(cleared, back.qs, config.speed), place.gap),
     )

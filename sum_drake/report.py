@@ -12,9 +12,11 @@ from sum_drake import page
 from sum_drake.assets import InputError, one_line
 from sum_drake.belief import ENDS
 from sum_drake.drawing import draw_depth, draw_perception, label_color, verdict
+from sum_drake.explaining import explained
 from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
 from sum_drake.jsonio import encode
+from sum_drake.making_way import MOVE
 from sum_drake.runlog_reader import RunRecord, read_what_there_is
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import Attempt, Perception, SceneBelief
@@ -185,14 +187,12 @@ def _fault_table(faults: Sequence[Mapping[str, Any]], catalogue: "Catalogue") ->
     return page.table(["look", "fault", "what happens", "object", "dealt with after", "what the belief says"], rows)
 
 
-_OUTCOME_KINDS = {"sorted": "good", "infeasible": "plain", None: "plain"}
+_OUTCOME_KINDS = {"sorted": "good", "moved": "good", "infeasible": "plain", None: "plain"}
 
 
 def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
     rows = []
     for row in attempts:
-        rejected = sorted(row["rejected_by"].items(), key=lambda item: (-item[1], item[0]))
-        causes = ", ".join(f"{cause} {count}" for cause, count in rejected if count) or "none"
         taken = row.get("object")
         mistaken = f" (was {taken})" if taken not in (None, row["label"]) else ""
         knocked = "".join(f"; knocked off {label}" for label in row.get("knocked_off", ()))
@@ -202,14 +202,21 @@ def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue"
                 _name(row["label"], catalogue) + page.text(mistaken),
                 page.text(row["region"]),
                 page.chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
-                page.text(row["reason"].replace("_", " ") + knocked),
+                page.text(_reason(row) + knocked),
+                page.text(row.get("why", "")),
                 page.text(_believed(row.get("believed"))),
-                f"{row['grasp_candidates']} <small>dropped: {page.text(causes)}</small>",
+                page.text(explained(row["grasp_candidates"], tuple(row["rejected_by"].items()))),
                 _millimetres(row["slip_m"]),
             ]
         )
-    heads = ["after look", "object", "to", "outcome", "reason", "believed afterwards", "grasp candidates", "slip"]
+    heads = ["after look", "object", "to", "outcome", "reason", "why this", "believed afterwards", "grasps", "slip"]
     return page.table(heads, rows)
+
+
+def _reason(row: Mapping[str, Any]) -> str:
+    """How an attempt ended by what the robot knows, and, of one that was more than a pick and place, what it was."""
+    words = str(row["reason"]).replace("_", " ")
+    return f"moved out of the way: {words}" if row["kind"] == MOVE else words
 
 
 def _believed(outcomes: Mapping[str, float] | None) -> str:
@@ -278,7 +285,7 @@ def _done_next(run: _Run, step: int, attempts: Sequence[Mapping[str, Any]]) -> s
     for row in attempts:
         if row["step"] == step:
             how = row["outcome"] or "outcome unknown"
-            words.append(f"{row['label']} to {row['region']}, {how} ({row['reason'].replace('_', ' ')})")
+            words.append(f"{row['label']} to {row['region']}, {how} ({_reason(row)})")
     tried = "Then: " + "; ".join(words) + "." if words else ""
     cut_off = run.record is not None and run.summary is None and step == run.perceptions[-1].step
     under_way = _under_way(run.record) if run.record is not None and cut_off else ""

@@ -14,6 +14,7 @@ TIMING = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "wall_s", "s
 OUTCOMES = {
     "sorted": "the object taken rests in the region it belongs in",
     "missorted": "the object taken rests in another region",
+    "moved": "the object taken was to make way, or to be grasped anew, and rests about where it was set down",
     "dropped": "it left the hand on the way: it lies on the table or the floor although the hand was opened over the "
     "region, or was lost on the way, or fell off the table",
     "slipped": "it was moved but the hand was empty after the lift",
@@ -137,6 +138,7 @@ def validate_summary(data: Any) -> None:
     for i, row in enumerate(data["attempts"]):
         believed = row.get("believed")
         _check({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")
+        _check(row.get("why", ""), str, f"summary.attempts[{i}].why")
         if row["outcome"] not in OUTCOMES:
             raise InputError(
                 f"summary.attempts[{i}].outcome: {row['outcome']!r}; expected one of {', '.join(OUTCOMES)}"

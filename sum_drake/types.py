@@ -197,7 +197,7 @@ class PickPlace(Immutable):
 
     step: int
     kind: str
-    """"pick_place", or "none" when the robot only looked again."""
+    """"pick_place", "move" to a free place on the table, or "none" when the robot only looked again."""
     track: int
     label: str
     X_WG_pick: Array
@@ -265,7 +265,7 @@ class Segment(Immutable):
     """A trajectory of the arm together with the opening the fingers are driven to while it runs."""
 
     name: str
-    """approach, reach, close, lift, transport, open, retreat or return."""
+    """approach, reach, close, lift, transport, lower, open, retreat or return."""
     trajectory: Trajectory
     gap: float
     """Commanded distance between the fingers, metres."""
@@ -324,6 +324,7 @@ class Attempt(Immutable):
     label: str
     region: str
     kind: str
+    """"pick_place", "move" to a free place on the table, "none" where the arm did not set out."""
     reason: str
     """"executed", or why it was given up: one of the reasons listed in docs/formats.md."""
     grasp_candidates: int
@@ -333,6 +334,8 @@ class Attempt(Immutable):
     """None when the arm did not set out."""
     X_OG: Array | None = None
     """(4, 4): the grasp that was tried."""
+    why: str = ""
+    """Why this was to be done next, in words."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, EventStatus
 from sum_drake.assets import one_line
 from sum_drake.costs import Costs
 from sum_drake.executed import LimitUse, limit_use
+from sum_drake.explaining import given_up
 from sum_drake.faults import HandAct, absent_labels
 from sum_drake.filter_config import filter_config
 from sum_drake.objects import Catalogue
@@ -189,7 +190,8 @@ class _Watch:
         context = self._planner.GetMyContextFromRoot(root)
         attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
         for attempt in attempts[len(self.attempts) :]:
-            self._tell(f"{attempt.label} to {attempt.region}: {attempt.reason}", time_now)
+            said = given_up(attempt) if attempt.action is None else attempt.reason
+            self._tell(f"{attempt.label} to {attempt.region}: {said}", time_now)
         self.attempts = attempts
         if time_now >= self._told + 1.0:
             self._tell("", time_now)

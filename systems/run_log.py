@@ -5,6 +5,7 @@ from typing import Any
 
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
 
+from sum_drake.explaining import given_up
 from sum_drake.robot import STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.ports import abstract, unpack
@@ -30,7 +31,8 @@ class RunLog(LeafSystem):
     `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
     far; `joint_state` positions, then velocities, of `joint_names`. `observe`, `motion_status` and `outcome`, as the
     planner and the controller give them, make events: an observation is asked for, a segment of a motion begins, a
-    motion is done or broken off, the run ends.
+    motion is done or broken off, the run ends. So does an attempt that was given up before the arm set out, with the
+    reason in words.
 
     Only publish events: nothing in the context changes, and what has been written is known by the writer, so a record
     that stays on its port, a forced publish or a context that is replayed write nothing twice.
@@ -67,6 +69,9 @@ class RunLog(LeafSystem):
         attempts: tuple[Attempt, ...] = self._attempts.Eval(context)
         for attempt in attempts[self._writer.attempts :]:
             self._writer.write_attempt(context.get_time(), attempt)
+            if attempt.action is None:
+                what = {"label": attempt.label, "region": attempt.region, "reason": attempt.reason}
+                self._writer.write_event(context.get_time(), "given_up", what | {"said": given_up(attempt)})
         for name, detail in self._events(context):
             self._writer.write_change(context.get_time(), name, detail)
         return EventStatus.Succeeded()

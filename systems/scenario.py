@@ -23,10 +23,12 @@ from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.pick_config import PickConfig
+from sum_drake.placing import PlacingConfig
+from sum_drake.prospects import POLICIES
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.object_detector import ObjectDetectorConfig
 from sum_drake.systems.pouring import PouringConfig
-from sum_drake.task import POLICIES, TaskConfig
+from sum_drake.task import TaskConfig
 from sum_drake.types import LEAVE, Region, readonly
 from sum_drake.yamlio import parse_yaml
 
@@ -99,6 +101,8 @@ class Scenario:
     """Grasp candidates and their ranking."""
     pick: PickConfig = dataclasses.field(default_factory=PickConfig)
     """Planning of one pick and place."""
+    placing: PlacingConfig = dataclasses.field(default_factory=PlacingConfig)
+    """Free places on the table."""
     regions: dict[str, RegionConfig] = dataclasses.field(default_factory=dict)
     """Where objects may go, by name; `table` is where they are poured."""
     goal: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -319,15 +323,16 @@ def _validate_faults(scenario: Scenario, where: str, catalogue: Catalogue) -> No
 
 _PROBABILITIES = {
     "miss_rate", "wrong_label_rate", "true_label_lost_rate", "match_threshold", "spawn_threshold", "threshold",
-    "min_survival",
+    "min_survival", "least_sure",
 }  # fmt: skip
 _AT_LEAST_ONE = {
     "max_missed", "max_tracks", "max_attempts", "max_looks", "max_obstacle_points", "samples", "directions", "depths",
-    "candidates", "particles", "grasps", "searches", "budget", "attempts",
+    "candidates", "particles", "grasps", "searches", "budget", "attempts", "yaws", "places",
 }  # fmt: skip
+_NOT_NEGATIVE = {"max_moves", "max_helpers"}
 _POSITIVE = {
     "simulation_duration", "speed", "straight_speed", "approach", "point_size", "close_time", "open_time", "half_x",
-    "area_per_object", "drop_height", "interval", "timeout",
+    "area_per_object", "drop_height", "interval", "timeout", "grid", "lower",
 }  # fmt: skip
 
 
@@ -348,6 +353,8 @@ def _check_numbers(config: Any, where: str) -> None:
             raise InputError(f"{at} is {value}; expected a number from 0 to 1")
         if field.name in _AT_LEAST_ONE and not all(n >= 1 for n in numbers):
             raise InputError(f"{at} is {value}; expected 1 or more")
+        if field.name in _NOT_NEGATIVE and not all(n >= 0 for n in numbers):
+            raise InputError(f"{at} is {value}; expected 0 or more")
         if field.name in _POSITIVE and not all(n > 0 for n in numbers):
             raise InputError(f"{at} is {value}; expected more than 0")
         if isinstance(value, list) and field.name in ("lifts", "retreats", "release_heights") and not value:

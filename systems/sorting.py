@@ -100,6 +100,7 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         config=scenario.task,
         grasp_config=scenario.grasp,
         pick_config=scenario.pick,
+        placing_config=scenario.placing,
         seed=derive(scenario.random_seed, "planning"),
     )
 

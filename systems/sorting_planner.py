@@ -240,7 +240,7 @@ class SortingPlanner(LeafSystem):
         track, step = held.pick.track, held.observations - 1
         action = PickPlace(
             step=step,
-            kind="pick_place",
+            kind=held.pick.kind,
             track=track.id,
             label=track.label,
             X_WG_pick=plan.X_WG,
@@ -261,8 +261,8 @@ class SortingPlanner(LeafSystem):
         else:
             reason = "lost_in_transport" if held.at_lift.holds(plan.grasp.width) else "empty_hand"
         attempt = Attempt(
-            step, track.id, track.label, held.pick.region, "pick_place", reason,
-            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG,
+            step, track.id, track.label, held.pick.region, held.pick.kind, reason,
+            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG, held.pick.why,
         )  # fmt: skip
         return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
 

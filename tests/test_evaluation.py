@@ -293,6 +293,46 @@ def test_outcomes(made: Attempt, ends: dict[str, tuple[float, float, float]], ex
     assert outcome(made, truth(0, **START), truth(1, **(START | ends))) == expected
 
 
+def move(label: str, to: tuple[float, float, float], reason: str = "executed") -> Attempt:
+    made = attempt(0, label, "table", reason=reason)
+    assert made.action is not None
+    action = dataclasses.replace(made.action, kind="move", X_WO_place=at(*to))
+    return dataclasses.replace(made, kind="move", action=action, why="in the way")
+
+
+ASIDE = (0.7, -0.2, 0.76)
+
+
+@pytest.mark.parametrize(
+    ("made", "ends", "expected"),
+    [
+        (move("sugar", ASIDE), {"sugar": (0.73, -0.2, 0.72)}, ("moved", "sugar")),
+        (move("sugar", ASIDE), {"sugar": (0.7, 0.05, 0.76)}, ("dropped", "sugar")),
+        (move("sugar", ASIDE), {"sugar": FLOOR}, ("dropped", "sugar")),
+        (move("sugar", ASIDE), {}, ("dropped", "sugar")),
+        (move("sugar", ASIDE, "empty_hand"), {}, ("missed", "sugar")),
+        (move("sugar", ASIDE, "empty_hand"), {"sugar": (0.74, 0.1, 0.76)}, ("slipped", "sugar")),
+        # The tide was taken for the sugar; or pushed while the sugar was moved.
+        (move("sugar", ASIDE), {"tide": ASIDE}, ("moved", "tide")),
+        (move("sugar", ASIDE), {"sugar": ASIDE, "tide": (0.5, -0.2, 0.8)}, ("moved", "sugar")),
+    ],
+)  # fmt: skip
+def test_outcomes_of_moves(
+    made: Attempt, ends: dict[str, tuple[float, float, float]], expected: tuple[str, str | None]
+) -> None:
+    assert outcome(made, truth(0, **START), truth(1, **(START | ends))) == expected
+
+
+def test_a_move_that_worked_is_a_trial_and_no_error() -> None:
+    made, truths = move("sugar", ASIDE), [truth(0, **START), truth(1, **(START | {"sugar": ASIDE}))]
+    data = make_summary([made], truths)
+    validate_summary(data)
+    assert (data["manipulation_trials"], data["manipulation_errors"], data["objects_missorted"]) == (1, 0, 0)
+    assert data["attempts"][0]["why"] == "in the way"
+    pushed = [truths[0], truth(1, sugar=ASIDE, tide=FLOOR)]
+    assert make_summary([made], pushed)["manipulation_errors"] == 1, "it knocked the tide off"
+
+
 def test_sweeping_another_object_off_is_told(catalogue: Catalogue) -> None:
     """As in the paper's sequence (a): the hand went for one object and swept another onto the ground."""
     rows = score_attempts(

@@ -32,7 +32,13 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ObjectModel]:
     }
 
 
-def _rank(model: ObjectModel, X_WO: Array, points_W: Array = NOTHING, spread: float = 0.0) -> RankedGrasps:
+def _rank(
+    model: ObjectModel,
+    X_WO: Array,
+    points_W: Array = NOTHING,
+    spread: float = 0.0,
+    owners: list[str] | None = None,
+) -> RankedGrasps:
     X_WOs = np.tile(X_WO, (50, 1, 1))
     X_WOs[:, :3, 3] += np.random.default_rng(0).normal(0, spread, (50, 3))
     return rank_grasps(
@@ -43,6 +49,7 @@ def _rank(model: ObjectModel, X_WO: Array, points_W: Array = NOTHING, spread: fl
         points_W=points_W,
         table_height=TABLE,
         config=CONFIG,
+        owners=owners,
     )
 
 
@@ -120,6 +127,39 @@ def test_neighbours_and_doubt_cost_grasps_and_say_so(models: dict[str, ObjectMod
     assert doubtful.scores[:1].sum() < free.scores[0]
     candidates = grasp_candidates(carton, config=CONFIG, seed=0)
     assert sum(count for _, count in beside.rejected_by) + len(beside.grasps) <= len(candidates)
+
+
+def test_what_is_in_the_way_is_named_where_it_is_known(models: dict[str, ObjectModel]) -> None:
+    carton = models["carton"]
+    X_WO = _standing(carton)
+    y, z = np.meshgrid(np.linspace(-0.1, 0.1, 60), np.linspace(TABLE, TABLE + 0.12, 40))
+    wall = np.stack([np.full(y.size, 0.6 + 0.02 + 0.005), y.ravel(), z.ravel()], 1)
+    both = np.concatenate([wall, wall * [-1, 1, 1] + [1.2, 0, 0]])
+    owners = ["tide"] * len(wall) + ["mug"] * len(wall)
+    named, unnamed = _rank(carton, X_WO, both, owners=owners), _rank(carton, X_WO, both)
+    counts = dict(named.rejected_by)
+    assert counts["neighbour_finger_tide"] > 0 and counts["neighbour_finger_mug"] > 0
+    assert (
+        sum(n for cause, n in named.rejected_by if cause.startswith("neighbour_finger_"))
+        == dict(unnamed.rejected_by)["neighbour_finger"]
+    )
+    assert sum(counts.values()) == sum(dict(unnamed.rejected_by).values())
+    assert np.array_equal(named.X_WGs, unnamed.X_WGs), "a name changes nothing"
+
+
+def test_room_on_the_way_up_counts(models: dict[str, ObjectModel]) -> None:
+    """A beam above one end of a slab, higher than the hand on its way in from the side."""
+    slab = models["bar"]
+    X_WO = transform(np.eye(3), np.array([0.6, 0.0, TABLE + 0.02]))
+    free = _rank(slab, X_WO)
+    x, z = np.meshgrid(np.linspace(0.5, 0.7, 60), [TABLE + 0.30])
+    beam = np.stack([x.ravel(), np.full(x.size, 0.10), z.ravel()], 1)
+    under = _rank(slab, X_WO, beam)
+    assert np.all(free.holds > 0) and np.all(free.holds <= 1)
+    assert len(under.holds) == len(under.grasps)
+    met = np.abs(under.X_WGs[:, 1, 3] - 0.10) < 0.02
+    assert under.X_WGs[0, 1, 3] < 0.09, "the best grasp keeps away from it"
+    assert not met.any() or under.holds[met].max() < free.holds.max()
 
 
 vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)

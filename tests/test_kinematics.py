@@ -64,6 +64,16 @@ def test_solutions_put_the_hand_of_the_urdf_there(hand_of_urdf):
             np.testing.assert_allclose(hand_of_urdf(q), X_WG, atol=1e-9)
 
 
+def test_what_is_out_of_reach_has_no_solution_and_what_the_arm_does_is_within():
+    rng = np.random.default_rng(3)
+    assert all(ARM.reaches(X_WG) for X_WG in ARM.forward_many(random_positions(rng, 300)))
+    X_WGs = ARM.forward_many(random_positions(rng, 60))
+    X_WGs[:, :3, 3] += rng.uniform(-0.6, 0.6, (60, 3))
+    beyond = [X_WG for X_WG in X_WGs if not ARM.reaches(X_WG)]
+    assert len(beyond) > 5
+    assert not any(len(ARM.solutions(X_WG)) for X_WG in beyond)
+
+
 def test_reachable_poses_are_solved():
     X_WGs = ARM.forward_many(random_positions(np.random.default_rng(1), 300))
     solved = [ARM.solutions(X_WG, count=1) for X_WG in X_WGs]

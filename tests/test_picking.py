@@ -21,6 +21,7 @@ from sum_drake.types import Grasp, PoseBelief, Region
 ARM = Arm()
 CATALOGUE = load_catalogue()
 BIN = Region("non_cleaning_bin", np.array([0.12, 0.62, 0.47]), np.array([0.18, 0.18, 0.18]))
+TOP = Region("table", np.array([0.72, 0.0, 0.95]), np.array([0.30, 0.45, 0.25]))
 TABLE = 0.70
 
 
@@ -185,8 +186,19 @@ def test_another_seed_puts_things_elsewhere(scene, made):
 def test_out_of_reach_is_said_so(scene):
     made = plan(scene, x=1.6)
     assert isinstance(made, Infeasible)
-    assert made.reason == "ik"
-    assert made.rejected_by[-1] == ("ik", 4)
+    assert made.reason == "out_of_reach"
+    assert made.rejected_by[-1] == ("out_of_reach", 4)
+
+
+def test_within_reach_but_not_so_is_another_thing(scene):
+    """Upwards from under the table."""
+    X_WO = standing("soup_can", 0.6, 0.05)
+    ranked = from_above("soup_can", X_WO)
+    X_WGs = ranked.X_WGs @ transform(rotation_from_vector(np.array([0.0, np.pi, 0.0])), np.zeros(3))
+    made = plan(scene, ranked=dataclasses.replace(ranked, X_WGs=X_WGs))
+    assert isinstance(made, Infeasible)
+    assert made.reason in ("ik", "grasp_collision")
+    assert "out_of_reach" not in dict(made.rejected_by)
 
 
 def test_no_grasps_are_said_so(scene):
@@ -211,7 +223,8 @@ def test_a_region_out_of_reach_is_said_so(scene):
     far = dataclasses.replace(BIN, p_W=np.array([0.0, 2.5, 0.5]))
     made = plan(scene, region=far)
     assert isinstance(made, Infeasible)
-    assert made.reason == "place_ik"
+    assert made.reason == "place_out_of_reach"
+    assert sum(count for cause, count in made.rejected_by if cause == "place_out_of_reach") == 4
 
 
 def test_an_arm_that_touches_something_does_not_start(scene):
@@ -219,3 +232,58 @@ def test_an_arm_that_touches_something_does_not_start(scene):
     made = plan(scene, points_W=palm)
     assert isinstance(made, Infeasible)
     assert made.reason == "start_in_collision"
+    assert dict(made.rejected_by)["start_in_collision_unexplained"] == 4, "what it touches"
+
+
+SPOT = standing("soup_can", 0.62, -0.2, 1.0)
+SPOT[2, 3] += 0.006
+
+
+@pytest.fixture(scope="module")
+def set_down(scene):
+    made = plan(scene, spots=[SPOT], region=TOP)
+    assert isinstance(made, PickPlan)
+    return made
+
+
+def test_an_object_is_set_down_on_the_table(scene, set_down):
+    """Lowered straight, let go just above its place, and not met again on the way home."""
+    made, model, X_WO = set_down, CATALOGUE["soup_can"], standing("soup_can", 0.6, 0.05)
+    np.testing.assert_allclose(made.X_WO_place, SPOT)
+    np.testing.assert_allclose(made.X_WG_place @ inverse(made.X_WG) @ X_WO, SPOT, atol=1e-9)
+    segments = made.pick.segments + made.place.segments
+    assert [s.name for s in made.place.segments] == ["transport", "lower", "open", "retreat", "return"]
+    for before, after in itertools.pairwise(segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    lower = made.place.segments[1]
+    assert max(timing.limit_use(lower.trajectory)) <= 1.0 + 1e-6 and lower.gap == 0.0
+    hands = np.array([ARM.forward(q) for q in timing.sample(lower.trajectory, 0.02)])
+    np.testing.assert_allclose(hands[:, :2, 3], hands[-1:, :2, 3].repeat(len(hands), 0), atol=2e-3)
+    assert hands[0, 2, 3] - hands[-1, 2, 3] == pytest.approx(PickConfig().lower, abs=2e-3)
+    holding = scene.with_solids(()).holding(solid_of(model, X_WO).hulls, inverse(made.X_WG) @ X_WO)
+    assert holding.with_gap(made.grasp.width).free_many(timing.sample(lower.trajectory, 0.01)).all()
+    after = scene.with_solids((solid_of(model, SPOT),))
+    back = made.place.segments[-1]
+    assert after.with_gap(back.gap).free_many(timing.sample(back.trajectory, 0.01)).all()
+
+
+def test_spots_that_are_none_taken_or_too_far_are_told_apart(scene):
+    far = standing("soup_can", 1.6, 0.0)
+    inside = standing("soup_can", 0.62, -0.2)
+    inside[2, 3] -= 0.05
+    for spots, reason in (([], "no_place"), ([far], "place_out_of_reach"), ([inside], "place_collision")):
+        made = plan(scene, spots=spots, region=TOP)
+        assert isinstance(made, Infeasible)
+        assert made.reason == reason
+        assert sum(count for _, count in made.rejected_by) == made.grasp_candidates == 4
+    assert dict(made.rejected_by)["place_collision_table"] == 4, "what is met"
+
+
+def test_what_is_over_an_object_is_named_however_far_a_grasp_gets(scene):
+    for height in (0.12, 0.31):  # at the hand, and at the wrist behind it
+        lid = standing("soup_can", 0.6, 0.05)
+        lid[2, 3] += height
+        made = plan(scene, obstacles=[(CATALOGUE["sugar"], lid)])
+        assert isinstance(made, Infeasible)
+        assert made.reason in ("grasp_collision", "reach", "lift")
+        assert dict(made.rejected_by)[f"{made.reason}_sugar"] > 0

@@ -96,7 +96,8 @@ def test_a_finished_run(run_folder: Path) -> None:
     assert all(address.startswith("data:image/jpeg;base64,") for address in page.addresses)
     assert "http" not in text and "url(" not in text and "<script" not in text
     for words in (
-        "seed 7", "stopped: no object can be attempted", "0 of 1", "infeasible", "ik 30",
+        "seed 7", "stopped: no object can be attempted", "0 of 1", "infeasible",
+        "40 grasps considered: 30 within reach, but no way to hold the arm, 10 too near the table",
         "1 of 1 false positives rejected; 1 of 1 true tracks accepted", "3.2 s", "a <b>machine</b>", "random_seed: 7",
     ):  # fmt: skip
         assert words in page.words, words
@@ -229,6 +230,22 @@ def test_false_detections_and_their_fates_are_told(run_folder: Path) -> None:
     words = Page(write_report(run_folder).read_text()).words
     assert "false detections: mug 0.42 corrected to toy, tide 0.20 rejected." in words
     assert words.count("false detections") == 1
+
+
+def test_why_something_was_moved_and_what_was_in_the_way_is_told(run_folder: Path) -> None:
+    summary_file = run_folder / "summary.json"
+    data = json.loads(summary_file.read_text())
+    data["attempts"][0] |= {
+        "kind": "move", "reason": "executed", "outcome": "moved", "why": "in the way of 96 grasps at sugar",
+        "grasp_candidates": 120, "rejected_by": {"neighbour_finger_tide": 96, "table": 4, "ik": 0},
+    }  # fmt: skip
+    write_json(summary_file, data)
+    words = Page(write_report(run_folder).read_text()).words
+    assert "moved out of the way: executed" in words and "in the way of 96 grasps at sugar" in words
+    assert "120 grasps considered: 96 with tide at a finger, 4 too near the table, 20 left" in words
+    del data["attempts"][0]["why"]
+    write_json(summary_file, data)
+    assert "moved" in write_report(run_folder).read_text(), "summaries written before there was a why"
 
 
 def test_faults_ends_and_what_was_believed_of_attempts_are_told(run_folder: Path) -> None:

@@ -142,6 +142,26 @@ def test_a_pick_that_holds_goes_on_to_place_and_is_told_with_what_was_felt():
     assert bench.out("outcome") == "cleared"
 
 
+def test_a_move_is_told_as_one_and_felt_until_it_is_set_down():
+    bench = Bench(Pick(PLAN, TRACK, "table", (), "move", "in the way"), Stop("cleared", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.fix("motion_status", MotionStatus(1, "transport", False))
+    bench.wait()
+    bench.fix("motion_status", MotionStatus(1, "lower", False))
+    bench.hand(0.037)
+    bench.wait()
+    bench.fix("motion_status", MotionStatus(1, "open", False))
+    bench.hand(0.1)
+    bench.wait()
+    bench.finish()
+    (attempt,) = bench.out("attempts")
+    action = bench.out("executed_action")
+    assert (attempt.kind, action.kind, attempt.region, attempt.why) == ("move", "move", "table", "in the way")
+    assert action.gap_place == pytest.approx(0.037), "on its way down"
+
+
 def test_an_empty_hand_gives_up_and_retreats():
     bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
     bench.look(0)

@@ -1,0 +1,74 @@
+"""What each object promises, if it is taken next: the policies."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sum_drake.grasp_ranking import RankedGrasps
+from sum_drake.types import Array, Immutable, Track
+
+GRASPS = 10
+"""An object with fewer grasps than this promises less: the arm may not be able to do any of them."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Prospect(Immutable):
+    """One believed object, and what there is to be known before a motion is planned."""
+
+    track: Track
+    obstacles_W: Array
+    """(m, 3): depth points that are not of it."""
+    rank: Callable[[], RankedGrasps]
+    drag: Callable[[], Sequence[tuple[str, float]]]
+    """`lifting.dragged`."""
+
+    @functools.cached_property
+    def ranked(self) -> RankedGrasps:
+        """Its grasps; they take some time."""
+        return self.rank()
+
+    @functools.cached_property
+    def dragged(self) -> tuple[tuple[str, float], ...]:
+        """Neighbours that lifting it may move, and how likely each stays where it is."""
+        return tuple(self.drag())
+
+    @property
+    def hold(self) -> float:
+        """About the probability that one of its best grasps holds, if it is where it is believed to be."""
+        return float(np.sum(self.ranked.holds[:GRASPS]) / GRASPS)
+
+    @property
+    def stay(self) -> float:
+        """About the probability that all of its neighbours stay where they are."""
+        return float(np.prod([share for _, share in self.dragged]))
+
+
+def most_likely(prospect: Prospect) -> float:
+    """p(x) of Sui et al. 2017, eq. 3, as in the paper: belief alone."""
+    track = prospect.track
+    return track.p_box * track.p_label * track.likelihood
+
+
+def surest(prospect: Prospect) -> float:
+    """About the probability that taking it works: that it is there, that grasps hold it, that nothing is dragged."""
+    return prospect.track.probability * prospect.hold * prospect.stay
+
+
+POLICIES: dict[str, Callable[[Prospect], float]] = {"surest": surest, "most_likely": most_likely}
+"""Which accepted object is tried first: the one with the largest value."""
+
+
+def why(policy: str, prospect: Prospect) -> str:
+    """What a policy holds of an object, in words."""
+    track = prospect.track
+    value = f"{policy} {POLICIES[policy](prospect):.2f}"
+    if policy == "most_likely":
+        return (
+            f"{value} = {track.p_box:.2f} a box x {track.p_label:.2f} of this label x {track.likelihood:.2f} likelihood"
+        )
+    stay = f"{prospect.stay:.2f} that neighbours stay"
+    if prospect.dragged:
+        stay += f" ({', '.join(label for label, _ in prospect.dragged)})"
+    return f"{value} = {track.probability:.2f} that it is there x {prospect.hold:.2f} that grasps hold x {stay}"
