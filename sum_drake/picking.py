@@ -284,7 +284,9 @@ def _find_places(
                 X_WO[:2, 3] = region.p_W[:2] + spot * room[:2] - (low + high)[:2] / 2
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
-                if stage == "place_out_of_reach" and arm.reaches(X_WG):
+                if not arm.reaches(X_WG):
+                    continue
+                if stage == "place_out_of_reach":
                     stage = cause = "place_ik"
                 options += _ways_to_hold(arm, X_WG, X_WO, q_lift)
         options.sort(key=lambda option: option[0])

@@ -16,6 +16,8 @@ PRINT = 0.015
 """Distance between the points that stand for an object seen from above, metres."""
 CELL = 0.01
 """Of the grid on which distances are looked up, metres."""
+LIES = 0.02
+"""What is believed to be less than this above the table lies on it, metres."""
 AROUND = 0.2
 """What stands farther than this from a region does not count, metres."""
 
@@ -73,13 +75,16 @@ def free_places(
         been_W: (3,) places that it has been taken from: it is not brought back there.
         within_reach: whether the hand reaches an object at X_WO (4, 4).
     """
-    R_WO = resting(model, X_WO[:3, :3])
+    R_W = X_WO[:3, :3]
+    R_WO = resting(model, R_W)
     cloud = outside(model)
-    # As high as it lies, by which an error of its estimate cancels out, but clear of the table.
     low = float((cloud @ R_WO.T)[:, 2].min())
-    height = table.floor_height + config.gap - low
-    if R_WO is X_WO[:3, :3] or np.allclose(R_WO, X_WO[:3, :3]):
-        height = max(height, float(X_WO[2, 3]) + config.gap)
+    rest = table.floor_height - low
+    above = float(X_WO[2, 3]) - rest
+    if R_WO is R_W and 0 < above < LIES:
+        # It lies on the table, so its estimate is too high; that error goes with it, and cancels out.
+        rest += above
+    height = rest + config.gap
     room_at = _distances(taken_W, region)
     aside_at = _distances(np.empty((0, 3)) if aside_of_W is None else aside_of_W, region)
     options: list[tuple[float, float, Array]] = []

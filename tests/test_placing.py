@@ -103,3 +103,9 @@ def test_an_estimate_that_is_too_high_is_let_go_as_much_higher() -> None:
     low = X_WO.copy()
     low[2, 3] -= 0.01
     assert places(low)[0][2, 3] == pytest.approx(places()[0][2, 3], abs=1e-3), "never into the table"
+
+
+def test_what_stood_on_something_else_is_let_go_just_above_the_table() -> None:
+    high = X_WO.copy()
+    high[2, 3] += 0.1
+    assert places(high)[0][2, 3] == pytest.approx(places()[0][2, 3], abs=1e-9)
