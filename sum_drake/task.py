@@ -47,7 +47,7 @@ ROUND = 0.10
 class TaskConfig:
     """Choices of the task that are not geometry."""
 
-    policy: str = "surest"
+    policy: str = "most_likely"
     """Which accepted object comes first, one of `prospects.POLICIES`; most_likely is the paper's."""
     max_attempts: int = 3
     """Tries at one label before it is left."""

@@ -15,7 +15,7 @@ def test_default_scenario_sorts_by_category_into_two_bins(catalogue):
     assert scenario.goal == {"cleaning": "cleaning_bin", "non-cleaning": "non_cleaning_bin"}
     assert scenario.region("cleaning_bin").p_W[1] < 0 < scenario.region("non_cleaning_bin").p_W[1], "right, left"
     assert scenario.unique_labels
-    assert scenario.task.policy == "surest"
+    assert scenario.task.policy == "most_likely"
     assert scenario.plant_config.time_step == 0.004
 
 

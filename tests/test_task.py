@@ -38,7 +38,7 @@ REGIONS = {
     "non_cleaning_bin": Region("non_cleaning_bin", readonly([0.12, 0.62, 0.47]), readonly([0.20, 0.20, 0.18])),
 }
 GOAL = {"cleaning": "cleaning_bin", "non-cleaning": "non_cleaning_bin"}
-CONFIG = TaskConfig()
+CONFIG = TaskConfig(policy="surest")
 MOST_LIKELY = TaskConfig(policy="most_likely")
 CAN = standing(CATALOGUE, "soup_can", 0.6, 0.05)
 
