@@ -58,13 +58,16 @@ def _held(gap: float, squeeze: float | None, told: bool | None) -> bool:
     return told if told is not None else gap > FELT and (squeeze is None or squeeze > SQUEEZED)
 
 
-def judged(action: PickPlace, there: Presence, at_place: Presence, *, near: float, far: float) -> Array:
+def judged(
+    action: PickPlace, there: Presence, at_place: Presence, *, near: float, far: float, blind: bool = False
+) -> Array:
     """(5,): probabilities of OUTCOMES by what was felt and seen: Bayes' rule over them.
 
     there, at_place: what was seen where the object was and where it was to go, `presence.UNKNOWN` where nothing can be.
     near, far: probability of the likeliest track of its label that is not there, within NEAR_M of it and farther.
+    blind: nothing could be seen anywhere, so that it says nothing that the object was not found.
     """
-    of_found = [FOUND_MISSED + p / (1.0 - min(p, 0.98)) for p in (near, far)]
+    of_found = [1.0 if blind else FOUND_MISSED + p / (1.0 - min(p, 0.98)) for p in (near, far)]
     seen = np.array([np.exp(presence_log_odds(at_place)), np.exp(presence_log_odds(there)), *of_found, 1.0])
     p = felt(action) * seen
     return np.asarray(p / p.sum())
@@ -82,7 +85,9 @@ def predict(
 
     The action's target is at the action's X_WO_place with sigma_place, with probability w_place, or else still where
     it was, with sigma_stay; the latter for certain when the hand was not opened at the place. Shares w_slipped and
-    w_dropped of the target's particles lie about where it was, or on the way and turned anyhow. Any other object is
+    w_dropped of the target's particles lie about where it was, or on the way and turned anyhow. With `by_feel` these
+    shares are what the hand felt of each outcome (`felt`; what may have left the table may as well lie on the way) and
+    the rest is still where it was. Any other object is
     where it was, with sigma_other, or, with a share w_swept near the way of the arm and less farther from it, aside.
     None, or an action of kind "none": nothing was touched, and the belief is returned as it is. Noise is on positions,
     and on rotation vectors by radians_per_metre.
@@ -94,11 +99,15 @@ def predict(
     sigma, turn_sigma = np.full(n, config.sigma_other), np.full(n, config.radians_per_metre * config.sigma_other)
     which = rng.random(n)
     if is_target:
-        placed = which < (config.w_place if action.released else 0.0)
+        w_place, w_slipped, w_dropped = config.w_place, config.w_slipped, config.w_dropped
+        if config.by_feel:
+            w_place, _, w_slipped, w_dropped, w_lost = felt(action)
+            w_dropped += w_lost
+        placed = which < (w_place if action.released else 0.0)
         X_WOs[placed] = action.X_WO_place
         sigma = np.where(placed, config.sigma_place, config.sigma_stay)
         turn_sigma = config.radians_per_metre * sigma
-        slipped, dropped = which > 1 - config.w_slipped, which > 1 - config.w_slipped - config.w_dropped
+        slipped, dropped = which > 1 - w_slipped, which > 1 - w_slipped - w_dropped
         dropped &= ~slipped
         _drop(X_WOs, dropped, action, rng)
     else:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from sum_drake.existence import LEAST
 from sum_drake.geometry import iou
 from sum_drake.rendering import predicted_box
 from sum_drake.types import Array, Association, Box, Detection, Frame, PickPlace, Track
@@ -22,7 +23,8 @@ class AssociationConfig:
     """K: a track that is less probable than accepted ones ends after this many looks in a row that could see it and did
     not detect it."""
     max_tracks: int = 60
-    """The most that are followed at a time: the surest detections spawn first, until there is no room."""
+    """The most that are followed at a time: the surest detections spawn first, until there is no room. Tracks that are
+    less probable than `existence.LEAST` take none, and give way."""
 
 
 def expected_boxes(
@@ -91,7 +93,8 @@ def associate(
     matched = {j: (tracks[i].id, float(scores[i, j])) for i, j in greedy_matches(scores, config.match_threshold)}
     unmatched = [(j, _confidence(detections[d], label)) for j, (d, label) in enumerate(pairs) if j not in matched]
     wanted = [(j, confidence) for j, confidence in unmatched if confidence >= config.spawn_threshold]
-    surest = sorted(wanted, key=lambda one: (-one[1], one[0]))[: max(config.max_tracks - len(tracks), 0)]
+    room = max(config.max_tracks - sum(track.own_probability >= LEAST for track in tracks), 0)
+    surest = sorted(wanted, key=lambda one: (-one[1], one[0]))[:room]
     spawned = dict(surest)
     return tuple(
         Association(d, label, *(matched[j] if j in matched else (None, spawned[j])))
@@ -101,6 +104,10 @@ def associate(
 
 
 def _confidence(detection: Detection, label: str) -> float:
-    """p(b | z) p(o | b, z); 0 for one that is no number."""
-    confidence = detection.p_box * dict(detection.p_labels)[label]
-    return confidence if np.isfinite(confidence) else 0.0
+    """p(b | z) p(o | b, z); 0 for what is no number, and no more than 1 each."""
+    return probability(detection.p_box) * probability(dict(detection.p_labels)[label])
+
+
+def probability(told: float) -> float:
+    """What a detector told, as a probability: 0 for what is no number."""
+    return min(max(float(told), 0.0), 1.0) if np.isfinite(told) else 0.0

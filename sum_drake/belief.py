@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from sum_drake.action_model import NEAR_M, OUTCOMES, felt, judged, predict
-from sum_drake.association import AssociationConfig
-from sum_drake.consistency import SAME_M, agree, conflicts, contended
-from sum_drake.existence import SURVIVES, agreed_probability, missed_probability, track_probability
+from sum_drake.association import AssociationConfig, probability
+from sum_drake.consistency import PENETRATION, SAME_M, agree, conflicts, contended, penetration
+from sum_drake.existence import LEAST, SURVIVES, agreed_probability, missed_probability, track_probability
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimate, PoseRequest
 from sum_drake.presence import UNKNOWN, Presence, PresenceCheck
@@ -33,8 +33,6 @@ from sum_drake.types import (
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
-LEAST = 0.02
-"""A track that is less probable, and was not detected, has ended."""
 SHOWN = 0.3
 """Of what could be seen of an object that was not detected, the share that must be explained for it to be accepted."""
 ENDS = {
@@ -42,9 +40,11 @@ ENDS = {
     "lost": "it left the table on the way",
     "empty": "depth shows nothing where it was",
     "unseen": "it was unlikely, and not detected too often",
-    "unlikely": "it was hardly probable any more, and not detected",
+    "unlikely": "it was hardly probable any more, and not detected, or likelier ones needed the room",
 }
 """Why a track ends, `types.Gone.reason`."""
+HIDDEN = 0.5
+"""Where more than this share of what would be seen of an object is hidden, it is no miss that it is not detected."""
 SUNK = 0.02
 """How far an accepted track may reach into the table, metres: as far as its position may be off."""
 
@@ -138,16 +138,21 @@ def update(
         if estimated is not None and "p_before" in dict(estimated.features):
             continue
         left = _unseen(track, beliefs[track.id], frame, acted, believed, presence, catalogue, config)
-        if estimated is None and isinstance(left, Gone):
-            gone.append(left)
-        elif isinstance(left, Track) and (estimated is None or left.probability > estimated.probability):
+        if isinstance(left, Gone):
+            gone += [left] if estimated is None else []
+            continue
+        if estimated is None:
             found[track.id] = left
-            # It stays where it was; what is in the box, if anything, is another one.
-            room = len(held.tracks) + next_id - held.next_id < config.association.max_tracks
-            if estimated is not None and estimated.probability >= LEAST and room:
-                found[next_id] = dataclasses.replace(estimated, id=next_id, born=frame.observation)
-                next_id += 1
-    tracks, rivals = _contended(sorted(found.values(), key=lambda track: track.id), frame, presence, catalogue)
+            continue
+        # The box shows it elsewhere than it was. It is where it is likelier; the other place may be another one's.
+        found[track.id], other = (left, estimated) if left.probability > estimated.probability else (estimated, left)
+        if other.probability >= LEAST:
+            found[next_id] = dataclasses.replace(other, id=next_id, born=frame.observation)
+            next_id += 1
+    kept = sorted(found.values(), key=lambda track: (-track.probability, track.id))[: config.association.max_tracks]
+    left_out = [track for track in found.values() if all(track is not one for one in kept)]
+    gone += [Gone(track.id, track.label, frame.observation, "unlikely") for track in left_out]
+    tracks, rivals = _contended(sorted(kept, key=lambda track: track.id), frame, presence, catalogue)
     return SceneBelief(
         frame.observation, _accept(tracks, rivals, frame.observation, catalogue, config), next_id, tuple(gone), believed
     )
@@ -164,25 +169,25 @@ def _estimated(
     config: BeliefConfig,
 ) -> Track:
     """The track (or a new one of that id) after its association with a box and the estimate in it."""
-    p_label = dict(detection.p_labels)[label]
+    p_box, p_label = probability(detection.p_box), probability(dict(detection.p_labels)[label])
     features = (*estimate.features, ("sunk_m", _sunk(label, estimate.X_WO, catalogue, config)))
-    probability = track_probability(detection.p_box, p_label, estimate.likelihood, dict(features))
-    features = (*features, ("p_look", probability))
+    likely = track_probability(p_box, p_label, estimate.likelihood, dict(features))
+    features = (*features, ("p_look", likely))
     # An estimate of which nothing could be seen is the prior's, and no witness for or against it.
     before = _expected(track, action) if isinstance(track, Track) and estimate.likelihood > 0 else []
     if isinstance(track, Track) and any(agree(estimate.X_WO, X_WO, label, catalogue) for X_WO in before):
         features = (*features, ("p_before", track.own_probability))
-        probability = agreed_probability(probability, track.own_probability)
+        likely = agreed_probability(likely, track.own_probability)
     return Track(
         id=track if isinstance(track, int) else track.id,
         label=label,
         box=detection.box,
-        p_box=detection.p_box,
+        p_box=p_box,
         p_label=p_label,
         belief=estimate.belief,
         X_WO=estimate.X_WO,
         likelihood=estimate.likelihood,
-        probability=probability,
+        probability=likely,
         accepted=False,
         born=frame.observation if isinstance(track, int) else track.born,
         seen=frame.observation,
@@ -230,7 +235,7 @@ def _believed(
         else:
             far = max(far, track.probability)
     there = presence.look(frame, target.label, target.X_WO)
-    outcomes = judged(action, there, at_place, near=near, far=far)
+    outcomes = judged(action, there, at_place, near=near, far=far, blind=not frame.depth.any())
     return Believed(action.step, target.id, target.label, tuple(zip(OUTCOMES, map(float, outcomes), strict=True)))
 
 
@@ -245,23 +250,22 @@ def _unseen(
     config: BeliefConfig,
 ) -> Track | Gone:
     """The track after an observation without a box that shows it."""
-    X_WO, survives = track.X_WO, SURVIVES
+    X_WO, survives, reason = track.X_WO, SURVIVES, ""
     if action is not None and believed is not None and believed.track == track.id:
-        if believed.outcome == "placed":
-            if config.table is None or not config.table.holds(action.X_WO_place[:3, 3]):
-                return Gone(track.id, track.label, frame.observation, "placed")
-            X_WO = action.X_WO_place
-        elif believed.outcome == "lost":
-            return Gone(track.id, track.label, frame.observation, "lost")
+        reason = believed.outcome
+        if reason == "placed" and config.table is not None and config.table.holds(action.X_WO_place[:3, 3]):
+            X_WO, reason = action.X_WO_place, ""
         # By what was felt alone: what is seen there counts below, and once.
         by_feel = dict(zip(OUTCOMES, map(float, felt(action)), strict=True))
         survives = min(SURVIVES, by_feel["placed" if X_WO is not track.X_WO else "stayed"])
     seen = presence.look(frame, track.label, X_WO)
-    probability = missed_probability(track.own_probability, seen, again=track.missed > 0, survives=survives)
-    if probability < LEAST:
-        return Gone(track.id, track.label, frame.observation, "empty" if seen.free > seen.explained else "unlikely")
-    missed = track.missed + (seen.pixels > 0)
-    if missed >= config.association.max_missed and probability < config.acceptance.threshold:
+    likely = missed_probability(track.own_probability, seen, again=track.missed > 0, survives=survives)
+    if likely < LEAST:
+        if reason not in ("placed", "lost"):
+            reason = "empty" if seen.free > seen.explained else "unlikely"
+        return Gone(track.id, track.label, frame.observation, reason)
+    missed = track.missed + (seen.pixels > 0 and seen.hidden < HIDDEN)
+    if missed > track.missed and missed >= config.association.max_missed and likely < config.acceptance.threshold:
         return Gone(track.id, track.label, frame.observation, "unseen")
     looks = {f"look_{field.name}": float(getattr(seen, field.name)) for field in dataclasses.fields(Presence)}
     looks |= {"p_before": track.own_probability, "sunk_m": _sunk(track.label, X_WO, catalogue, config)}
@@ -269,7 +273,7 @@ def _unseen(
         track,
         belief=predicted,
         X_WO=X_WO,
-        probability=probability,
+        probability=likely,
         accepted=False,
         missed=missed,
         features=tuple((dict(track.features) | looks).items()),
@@ -330,7 +334,10 @@ def _accept(
         if track.box == other.box or frozenset((track.id, other.id)) in rivals:
             return True
         same = track.label == other.label
-        return same and (config.unique_labels or agree(track.X_WO, other.X_WO, track.label, catalogue))
+        if same and (config.unique_labels or agree(track.X_WO, other.X_WO, track.label, catalogue)):
+            return True
+        # One that says the same as another contends by that one's pose, a little off its own.
+        return penetration(track, other, catalogue) > PENETRATION
 
     for track in sorted(tracks, key=lambda t: (-t.probability, t.id)):
         shown = track.seen == observation or dict(track.features).get("look_explained", 0.0) >= SHOWN

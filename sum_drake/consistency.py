@@ -37,7 +37,8 @@ def contended(probabilities: Array, conflicts: NDArray[np.bool_]) -> Array:
 
     Each is true with its odds, and none beside one that it excludes: the share of all that may be true together in
     which it is. One without a conflict keeps its probability. Where more than EXACT hang together, the likeliest of
-    them are weighed so, and the others against what these have become.
+    them are weighed so, and each of the others in turn has what those before it that exclude it leave: no two that
+    exclude each other are more than 1 together.
     """
     p = np.clip(np.asarray(probabilities, float), 0.0, 1 - 1e-6)
     odds: Array = p / (1 - p)
@@ -46,9 +47,11 @@ def contended(probabilities: Array, conflicts: NDArray[np.bool_]) -> Array:
         order = sorted(group, key=lambda i: (-p[i], i))
         first, rest = np.array(order[:EXACT]), order[EXACT:]
         found[first] = _shares(odds[first], conflicts[np.ix_(first, first)])
+        weighed = list(first)
         for i in rest:
-            against = found[first[conflicts[i, first]]]
-            found[i] = odds[i] / (1 + odds[i] + (against / (1 - np.minimum(against, 1 - 1e-6))).sum())
+            before = np.array(weighed)
+            found[i] = p[i] * np.prod(1 - found[before[conflicts[i, before]]])
+            weighed.append(i)
     return found
 
 

@@ -25,6 +25,8 @@ PRESENCE = (0.0, 8.0, -8.0)
 (.79, 5.96, -5.02); made firmer by hand, so that what is plainly seen outweighs what was felt."""
 SURVIVES = 0.98
 """Probability that an object is still where it was, if nothing is known to have touched it."""
+LEAST = 0.02
+"""A track that is less probable, and was not detected, has ended."""
 LIKELY = 0.5
 """A track that is at least as probable is believed in, accepted or not."""
 AGREED = 0.4

@@ -142,8 +142,12 @@ def score_faults(
 def _struck(faults: Sequence[FaultConfig], attempts: Sequence[Attempt]) -> dict[int, Attempt]:
     """The attempts that faults of the fingers struck, by fault: each in its turn the first that is left."""
     left, found = [a for a in attempts if a.action is not None and a.reason != "cut_off"], {}
-    lifted = list(left)
-    carried = [a for a in left if a.reason == "lost_in_transport" or (a.action is not None and a.action.released)]
+    carried = [
+        a for a in left
+        if a.reason == "lost_in_transport" or (a.action is not None and (a.action.released or a.action.held_lift))
+    ]  # fmt: skip
+    # A motion that was broken off before the hand held anything was no lift.
+    lifted = [a for a in left if a.reason not in ("unexpected_effort", "tracking_error") or a in carried]
     for i, fault in sorted(enumerate(faults), key=lambda one: (one[1].observation, one[0])):
         of = {"slipped": lifted, "dropped": carried}.get(fault.kind, [])
         attempt = next((a for a in of if a.step >= fault.observation), None)
@@ -212,6 +216,8 @@ class _Scorer:
             for track in known
             if any(t.accepted and t.label == track.label and self._is_right(begun + 1, t.label, t.X_WO) for t in again)
         ]
+        if not known:
+            return None, "nothing was known before"
         return 1 if len(kept) == len(known) else None, f"{len(kept)} of {len(known)} known before are known after"
 
     def _is_right(self, step: int, label: str, X_WO: Array) -> bool:

@@ -83,6 +83,8 @@ class FilterConfig:
     """sigma2 of eq. 10."""
     sigma_other: float = 0.01
     """sigma3 of eq. 10."""
+    by_feel: bool = True
+    """Whether what the hand felt decides the shares of an action's target; else w_place, w_slipped and w_dropped do."""
     w_slipped: float = 0.05
     """Share of a target's particles that lie about where it was: it slipped out of the hand. Not in the paper."""
     w_dropped: float = 0.05
@@ -142,6 +144,7 @@ def filter_config(name: str = "default") -> FilterConfig:
             noise_rotation=0.1,
             effective_share=0.0,
             candidates=0,
+            by_feel=False,
             w_slipped=0.0,
             w_dropped=0.0,
             w_swept=0.0,

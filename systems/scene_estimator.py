@@ -64,6 +64,11 @@ class SceneEstimator(LeafSystem):
                 _LOG.warning("observation %d after %d: left out, since it is older", step, held.observation)
             return EventStatus.DidNothing()
         frame: Frame = self._frame.Eval(context)
+        if frame.observation != step:
+            if step != self._told:
+                self._told = step
+                _LOG.warning("observation %d: the frame is of %d; waiting for its own", step, frame.observation)
+            return EventStatus.DidNothing()
         detections: Detections = self._detections.Eval(context)
         associations: Associations = self._associations.Eval(context)
         action: PickPlace | None = unpack(self._action.Eval(context))

@@ -54,7 +54,8 @@ def test_action_model_honours_weights() -> None:
 def test_what_the_paper_leaves_out_are_further_components() -> None:
     n = 20000
     belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
-    config, rng = FilterConfig(w_slipped=0.1, w_dropped=0.06, w_swept=0.5), np.random.default_rng(0)
+    config = FilterConfig(by_feel=False, w_slipped=0.1, w_dropped=0.06, w_swept=0.5)
+    rng = np.random.default_rng(0)
     target = predict(belief, action("tide"), is_target=True, rng=rng, config=config).X_WOs
     place = action("tide").X_WO_place[:3, 3]
     along = target[:, :2, 3] @ place[:2] / (place[:2] @ place[:2])
@@ -71,6 +72,21 @@ def test_what_the_paper_leaves_out_are_further_components() -> None:
         ).X_WOs  # fmt: skip
         far = np.linalg.norm(other[:, :3, 3] - at[:, :3, 3], axis=1) > 0.045
         assert far.mean() == pytest.approx(0.84 * share, abs=0.1)
+
+
+def test_what_the_hand_felt_decides_where_a_targets_particles_are() -> None:
+    n = 4000
+    belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
+    place = action("tide").X_WO_place[:3, 3]
+    for lifted, held, released, at_place, on_the_way in (
+        (0.05, 0.05, True, 0.93, 0.05), (0.0, 0.0, True, 0.01, 0.05), (0.05, 0.0, False, 0.0, 0.68),
+    ):  # fmt: skip
+        done = action("tide", released=released, lifted=lifted, held=held)
+        p_W = predict(belief, done, is_target=True, rng=np.random.default_rng(0), config=FilterConfig()).X_WOs[:, :3, 3]
+        assert (np.linalg.norm(p_W - place, axis=1) < 0.15).mean() == pytest.approx(at_place, abs=0.04)
+        along = p_W[:, :2] @ place[:2] / (place[:2] @ place[:2])
+        between = (along > 0.3) & (np.linalg.norm(p_W - place, axis=1) > 0.15)
+        assert between.mean() == pytest.approx(0.6 * on_the_way, abs=0.1)
 
 
 SEEN = Presence(2000.0, 0.9, 0.05, 0.0)
@@ -97,6 +113,13 @@ def test_what_became_of_a_target_is_judged_by_what_was_felt_and_seen(gaps, there
     p = judged(done, there, UNKNOWN, near=near, far=far)
     assert p.sum() == pytest.approx(1.0)
     assert OUTCOMES[int(p.argmax())] == outcome
+
+
+def test_a_look_that_shows_nothing_does_not_say_that_the_object_left() -> None:
+    done = action("tide", released=False, lifted=0.05, held=0.0)
+    seeing, blind = (judged(done, UNKNOWN, UNKNOWN, near=0, far=0, blind=blind) for blind in (False, True))
+    assert OUTCOMES[int(seeing.argmax())] == "lost"
+    assert OUTCOMES[int(blind.argmax())] == "dropped"
 
 
 shares = st.floats(0, 1)

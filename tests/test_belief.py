@@ -5,7 +5,8 @@ import pytest
 from scenes import observe, standing
 
 from sum_drake.association import AssociationConfig, associate
-from sum_drake.belief import AcceptanceConfig, BeliefConfig, update
+from sum_drake.belief import AcceptanceConfig, BeliefConfig, _accept, _contended, update
+from sum_drake.consistency import PENETRATION, penetration
 from sum_drake.filter_config import FilterConfig
 from sum_drake.filtering import PoseEstimator
 from sum_drake.geometry import pose_error
@@ -158,6 +159,98 @@ def test_a_frame_without_depth_changes_little(catalogue, estimator):
     assert not track.accepted
     again = see(SceneBelief(1, (track,), 1), dataclasses.replace(frame, observation=2), [], estimator)
     assert [t.accepted for t in again.tracks] == [True]
+
+
+def test_an_action_before_a_blind_look_ends_no_track(catalogue, estimator):
+    """It was lifted and lost on the way, perhaps; where it is now, the next look tells."""
+    belief, frame = one_box(catalogue, estimator)
+    blind = dataclasses.replace(frame, observation=1, depth=readonly(np.zeros_like(frame.depth), np.float32))
+    place = readonly(standing(catalogue, "sugar", 0.1, 0.6))
+    dropped = PickPlace(0, "pick_place", 0, "sugar", readonly(np.eye(4)), place, "bin", 0.04, 0.0, False)
+    after = see(belief, blind, [], estimator, action=dropped)
+    assert after.gone == ()
+    assert 0.02 < after.tracks[0].probability < 0.3
+    seen = Detection(after.tracks[0].box, 0.9, (("sugar", 0.9),))
+    again = see(after, dataclasses.replace(frame, observation=2), [seen], estimator)
+    assert [(track.id, track.accepted) for track in again.tracks] == [(0, True)]
+
+
+def test_what_is_hidden_is_not_missed(catalogue, estimator):
+    belief, _ = one_box(catalogue, estimator, x=0.8)
+    belief = unlikely(belief, 0.45)
+    frame, _ = observe(catalogue, {}, observation=1)
+    frame = dataclasses.replace(frame, depth=readonly(np.where(frame.depth > 0, 0.6, 0), np.float32))
+    for k in (1, 2, 3, 4):
+        belief = see(belief, dataclasses.replace(frame, observation=k), [], estimator)
+        (track,) = belief.tracks
+        assert track.missed == 0 and track.probability > 0.35
+
+
+def test_two_that_look_alike_are_both_kept_when_one_box_takes_the_others_track(catalogue, estimator):
+    X_WOs = standing(catalogue, "sugar", 0.6, 0.15), standing(catalogue, "sugar", 0.6, -0.15)
+    (one, boxes), (other, more) = (observe(catalogue, {"sugar": X_WO}) for X_WO in X_WOs)
+    depth = np.where(np.arange(one.depth.shape[1])[None] < one.depth.shape[1] / 2, one.depth, other.depth)
+    frame = dataclasses.replace(one, depth=readonly(depth, np.float32))
+    first = Detection(boxes["sugar"], 0.9, (("sugar", 0.9),))
+    belief = see(SceneBelief(), frame, [first], estimator, unique=False)
+    second = Detection(more["sugar"], 0.9, (("sugar", 0.9),))
+    pairs = Associations(1, (Association(0, "sugar", 0, 0.5),))
+    after = see(belief, dataclasses.replace(frame, observation=1), [second], estimator, pairs=pairs, unique=False)
+    for X_WO in X_WOs:
+        assert any(t.accepted and np.linalg.norm(t.X_WO[:3, 3] - X_WO[:3, 3]) < 0.02 for t in after.tracks)
+
+
+def test_an_agreeing_track_does_not_bring_in_what_its_neighbour_excludes(catalogue, estimator):
+    """Two sugar boxes' worth of one, a little apart; a mug reaches into the weaker estimate only."""
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.0)})
+    belief = see(SceneBelief(), frame, [Detection(boxes["sugar"], 0.9, (("sugar", 0.9),))], estimator)
+    (sugar,) = belief.tracks
+    aside = np.array(sugar.X_WO)
+    aside[1, 3] -= 0.019
+    half = catalogue["sugar"].load_mesh().extents[1] / 2 + catalogue["mug"].load_mesh().extents[1] / 2
+    mug = standing(catalogue, "mug", 0.6, sugar.X_WO[1, 3] - half - 0.001)
+    held = (
+        dataclasses.replace(sugar, id=0, features=(("sunk_m", 0.03),), probability=0.95, uncontended=0.95),
+        dataclasses.replace(sugar, id=1, X_WO=readonly(aside), probability=0.9, uncontended=0.9, box=(0, 0, 9, 9)),
+        dataclasses.replace(sugar, id=2, label="mug", X_WO=readonly(mug), probability=0.9, uncontended=0.9,
+                            box=(50, 0, 9, 9)),
+    )  # fmt: skip
+    tracks, rivals = _contended(list(held), frame, estimator.presence, catalogue)
+    config = BeliefConfig(CONFIG, ASSOCIATION, AcceptanceConfig(0.3), True, 1)
+    accepted = [t for t in _accept(tracks, rivals, 0, catalogue, config) if t.accepted]
+    for i, a in enumerate(accepted):
+        for b in accepted[:i]:
+            assert penetration(a, b, catalogue) <= PENETRATION
+
+
+def test_weak_tracks_give_way_to_a_sure_detection(catalogue, estimator):
+    belief, frame = one_box(catalogue, estimator)
+    (track,) = belief.tracks
+    weak = tuple(
+        dataclasses.replace(track, id=i, label="mug", probability=0.001, uncontended=0.001, box=(9 * i, 0, 8, 8))
+        for i in range(3)
+    )
+    held = SceneBelief(0, weak, 3)
+    boxes = [Detection(w.box, 0.5, (("mug", 0.5),)) for w in weak] + [Detection(track.box, 0.9, (("sugar", 0.9),))]
+    few = AssociationConfig(max_tracks=3)
+    pairs = Associations(1, associate(held.tracks, boxes, few))
+    config = BeliefConfig(CONFIG, few, AcceptanceConfig(), True, 1)
+    after = update(
+        held, dataclasses.replace(frame, observation=1), Detections(1, tuple(boxes)), pairs, None,
+        estimator.estimator, estimator.presence, estimator.catalogue, config,
+    )  # fmt: skip
+    assert "sugar" in [t.label for t in after.tracks if t.accepted]
+    assert len(after.tracks) <= 3
+    assert {one.reason for one in after.gone} <= {"unlikely", "empty", "unseen"} and after.gone
+
+
+@pytest.mark.parametrize(("p_box", "p_label"), [(-1.0, -1.0), (5.0, 0.9), (np.nan, 0.9), (0.9, np.inf)])
+def test_numbers_that_are_no_probabilities_are_taken_for_the_nearest(catalogue, estimator, p_box, p_label):
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.0)})
+    belief = see(SceneBelief(), frame, [Detection(boxes["sugar"], p_box, (("sugar", p_label),))], estimator)
+    assert len(belief.tracks) == (p_box == 5.0)
+    for track in belief.tracks:
+        assert 0 <= track.p_box <= 1 and 0 <= track.p_label <= 1 and 0 <= track.probability <= 1
 
 
 def unlikely(belief, p):

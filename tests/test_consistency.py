@@ -119,6 +119,10 @@ def test_many_that_hang_together_are_weighed_all_the_same():
     p, conflicts = rng.uniform(0.05, 0.99, 40), np.triu(rng.random((40, 40)) < 0.3, 1)
     found = contended(p, conflicts | conflicts.T)
     assert ((found > 0) & (found <= p + 1e-12)).all()
+    rest = np.argsort(-p, kind="stable")[12:]
+    for i, j in np.argwhere(conflicts):
+        if i in rest or j in rest:
+            assert found[i] + found[j] <= 1 + 1e-9
 
 
 def test_a_touch_of_a_pixel_is_no_conflict(catalogue):
