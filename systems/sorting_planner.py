@@ -162,7 +162,9 @@ class SortingPlanner(LeafSystem):
             return dataclasses.replace(held, phase="done", attempts=attempts, outcome=choice.outcome)
         if isinstance(choice, Look):
             return dataclasses.replace(held, phase="settle", attempts=attempts, looks=held.looks + 1, action=None)
-        motion = self._numbered(held, choice.plan.pick)
+        # What was in the hand's way once is met again by another grasp, often: each time it pushes twice as hard.
+        pushed = sum(a.label == choice.track.label and a.reason == "unexpected_effort" for a in held.attempts)
+        motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=2.0**pushed)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
             released=False, stopped="", carried_on=False, retreats=0,

@@ -201,6 +201,17 @@ def test_resistance_on_the_way_to_the_object_is_an_attempt_and_the_loop_goes_on(
     assert bench.out("outcome") == "cleared"
 
 
+def test_an_object_at_which_resistance_was_met_is_tried_again_with_more():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.look(0)
+    assert bench.out("motion").insistence == 1.0
+    bench.run("reach", "unexpected_effort")
+    bench.finish("unexpected_effort")
+    bench.finish()
+    bench.look(1)
+    assert bench.out("motion").insistence == 2.0
+
+
 def test_a_hand_that_empties_on_the_way_does_not_go_on_to_the_place():
     bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
     bench.look(0)
