@@ -36,9 +36,9 @@ class RunRecord:
     """Why reading ended before the log did; None for a whole one."""
 
 
-def read_run_log(path: Path) -> RunRecord:
+def read_run_log(path: Path | str) -> RunRecord:
     """Reads a whole log. Raises InputError for a file that is missing, foreign, damaged or cut off."""
-    record = read_what_there_is(path)
+    record = read_what_there_is(Path(path))
     if record.problem is not None:
         raise InputError(record.problem)
     return record

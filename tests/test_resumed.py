@@ -37,7 +37,16 @@ def test_rows_of_other_settings_or_of_another_shape_are_refused_and_stay(tmp_pat
     with pytest.raises(InputError, match="is of seed 0 and not 1; expected a new --out, or --force"):
         log(tmp_path, seed=1)
     assert (tmp_path / "rows.jsonl").read_text() == before
-    for broken in (before.replace("value", "worth"), before.replace('"x"', "3"), before + "nonsense\n"):
+    for line, broken in (
+        (2, before.replace("value", "worth")), (2, before.replace('"x"', "3")), (3, before + "nonsense\n"),
+        (3, before + "7\n"), (1, before.replace(before.splitlines()[0], "null")),
+    ):  # fmt: skip
         (tmp_path / "rows.jsonl").write_text(broken)
-        with pytest.raises(InputError, match="expected rows of this bench"):
+        with pytest.raises(InputError, match=rf"rows.jsonl, line {line}: .*expected a row of this bench"):
             log(tmp_path)
+
+
+def test_a_file_that_is_no_text_is_one_line(tmp_path):
+    (tmp_path / "rows.jsonl").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="rows.jsonl: .*expected a row of this bench"):
+        log(tmp_path)

@@ -59,23 +59,28 @@ class RowLog(Generic[Result]):
         self._path = out / "rows.jsonl"
         self.done: dict[Task, Result] = {}
         out.mkdir(parents=True, exist_ok=True)
-        text = self._path.read_text() if self._path.is_file() else ""
-        if not text.endswith("\n"):
-            text = text[: text.rfind("\n") + 1]
-            write_whole(self._path, text)
-        lines = text.splitlines()
-        if not lines:
-            self._path.write_text(json.dumps(settings) + "\n")
-            return
+        where = str(self._path)
         try:
+            text = self._path.read_text() if self._path.is_file() else ""
+            if not text.endswith("\n"):
+                text = text[: text.rfind("\n") + 1]
+                write_whole(self._path, text)
+            lines = text.splitlines()
+            if not lines:
+                self._path.write_text(json.dumps(settings) + "\n")
+                return
+            where = f"{self._path}, line 1"
             other = _other(json.loads(lines[0]), settings)
             if other:
                 raise InputError(f"{self._path}: is of {other}; expected a new --out, or --force")
-            for line in lines[1:]:
+            for number, line in enumerate(lines[1:], start=2):
+                where = f"{self._path}, line {number}"
                 entry = json.loads(line)
                 self.done[tuple(entry["task"])] = decode(kind, entry["result"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{self._path}: {one_line(error)}; expected rows of this bench, or a new --out") from error
+        except InputError:
+            raise
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{where}: {one_line(error)}; expected a row of this bench, or a new --out") from error
 
     def add(self, task: Task, result: Result) -> None:
         """What came of a task."""
