@@ -48,5 +48,5 @@ def test_rows_of_other_settings_or_of_another_shape_are_refused_and_stay(tmp_pat
 
 def test_a_file_that_is_no_text_is_one_line(tmp_path):
     (tmp_path / "rows.jsonl").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="rows.jsonl: .*expected a row of this bench"):
+    with pytest.raises(InputError, match=r"rows.jsonl: .*expected a row of this bench"):
         log(tmp_path)
