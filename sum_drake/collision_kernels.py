@@ -198,7 +198,7 @@ def separation(
 
     work: (8, 3), kept: (3,) int64, to be written over.
     """
-    swell = swell_a + swell_b
+    swell, asked = swell_a + swell_b, touch
     touch, enough = touch + swell, enough + swell
     if touch < 0.0:
         touch = 0.0
@@ -226,15 +226,15 @@ def separation(
         if count > 0:
             # v is a point of the difference: the bodies are no farther apart than it is long.
             if length <= touch:
-                return touch - swell
+                return asked
             if length - bound <= 1e-3 * length:
-                return float(max(bound, touch)) - swell
+                return float(bound) - swell if bound > touch else asked
         simplex[count, 0], simplex[count, 1], simplex[count, 2] = w0, w1, w2
         count = _reduce(simplex, count + 1, v, weights, kept)
         if count == 4 or v[0] * v[0] + v[1] * v[1] + v[2] * v[2] < TINY:
-            return min(0.0, touch) - swell
+            return min(-swell, asked)
     # Hardly ever: what cannot be told apart counts as touching.
-    return float(max(bound, touch)) - swell
+    return float(bound) - swell if bound > touch else asked
 
 
 @compiled

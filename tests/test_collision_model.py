@@ -13,6 +13,7 @@ from sum_drake import robot
 from sum_drake.collision_model import REVOLUTE, Skeleton, collision_model
 from sum_drake.kinematics import Arm
 from sum_drake.objects import load_catalogue
+from sum_drake.parsing import parser_allowed
 from sum_drake.planning_scene import PlanningScene, solid_of
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -102,7 +103,8 @@ def test_any_robot_drake_reads_will_do():
         <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>
       <joint name="k" type="prismatic"><parent link="b"/><child link="c"/><origin xyz=".5 0 0" rpy=".3 0 0"/>
         <axis xyz="0 1 0"/><limit lower="-.3" upper=".3" effort="1" velocity="1"/></joint></robot>"""
-    builder = RobotDiagramBuilder(time_step=0.0)
+    with parser_allowed():
+        builder = RobotDiagramBuilder(time_step=0.0)
     (model,) = builder.parser().AddModelsFromString(urdf, "urdf")
     plant = builder.plant()
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("a"), RigidTransform())

@@ -136,12 +136,16 @@ def test_what_an_earlier_look_told_apart_is_remembered(estimator: PoseEstimator)
     catalogue = load_catalogue()
     X_WO = standing(catalogue, "mug", 0.6, 0.0, yaw=1.5 * np.pi)
     frame, boxes = observe(catalogue, {"mug": X_WO})
-    alone = estimator.estimate(frame, boxes["mug"], "mug", rng=np.random.default_rng(1))
-    told = estimator.estimate(
-        frame, boxes["mug"], "mug", rng=np.random.default_rng(1), prior=near(X_WO), before=alone.likelihood
-    )
-    assert within(told, X_WO, "mug")
-    assert dict(told.features)["near_share"] > dict(alone.features)["near_share"] + 0.1
+    gained = []
+    for seed in range(6):  # one belief's share is that of some hundred particles
+        alone = estimator.estimate(frame, boxes["mug"], "mug", rng=np.random.default_rng(seed))
+        told = estimator.estimate(
+            frame, boxes["mug"], "mug", rng=np.random.default_rng(seed), prior=near(X_WO), before=alone.likelihood
+        )
+        assert within(told, X_WO, "mug")
+        gained.append(dict(told.features)["near_share"] - dict(alone.features)["near_share"])
+    assert min(gained) > 0
+    assert np.mean(gained) > 0.15
 
 
 def test_an_object_that_moved_is_found_where_it_is_now(estimator: PoseEstimator, frame_and_truth) -> None:

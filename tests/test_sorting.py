@@ -196,18 +196,19 @@ def test_faults_stand_between_a_signal_and_all_who_read_it(catalogue, X_WOs):
 
 
 def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
-    faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: mug}]"
+    faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: tide}]"
     text = f"{{objects: {{labels: [sugar]}}, faults: {faults}}}"
     scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
     episode = run(scenario, catalogue)
     summary = score(episode, scenario, catalogue, versions={}, device="cpu")
     validate_summary(summary)
     camera, added = summary["faults"]
-    assert (camera["happened"], camera["dealt_with_after"]) == (True, 1)
-    assert (added["object"], added["happened"]) == ("mug", True)
+    assert (camera["happened"], camera["dealt_with_after"]) == (True, None)
+    assert camera["belief"] == "nothing was known before"
+    assert (added["object"], added["happened"]) == ("tide", True)
     assert added["dealt_with_after"] in (1, 2)
     assert added["belief"].startswith("found again")
-    assert {row["label"] for row in summary["objects"]} == {"sugar", "mug"}
+    assert {row["label"] for row in summary["objects"]} == {"sugar", "tide"}
     assert episode.outcome == "cleared"
     assert summary["objects_sorted"] == summary["objects_total"] == 2
     believed = [row["believed"] for row in summary["attempts"] if row["outcome"] == "sorted"]
