@@ -37,7 +37,13 @@ def cards(tmp_path_factory):
 def trained(cards, tmp_path_factory):
     out = tmp_path_factory.mktemp("training")
     lines = []
-    return out, train(cards, out, RECIPE, report=lines.append, checkpoint_seconds=1e9), lines
+    # Sums depend on how many threads share them, and what so short a training comes to on those; `train` sets them.
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        return out, train(cards, out, RECIPE, report=lines.append, checkpoint_seconds=1e9), lines
+    finally:
+        torch.set_num_threads(threads)
 
 
 def test_training_learns_what_cards_look_like(trained):
