@@ -196,7 +196,7 @@ def test_faults_stand_between_a_signal_and_all_who_read_it(catalogue, X_WOs):
 
 
 def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
-    faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: tide}]"
+    faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: tea}]"
     text = f"{{objects: {{labels: [sugar]}}, faults: {faults}}}"
     scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
     episode = run(scenario, catalogue)
@@ -205,10 +205,10 @@ def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
     camera, added = summary["faults"]
     assert (camera["happened"], camera["dealt_with_after"]) == (True, None)
     assert camera["belief"] == "nothing was known before"
-    assert (added["object"], added["happened"]) == ("tide", True)
+    assert (added["object"], added["happened"]) == ("tea", True)
     assert added["dealt_with_after"] in (1, 2)
     assert added["belief"].startswith("found again")
-    assert {row["label"] for row in summary["objects"]} == {"sugar", "tide"}
+    assert {row["label"] for row in summary["objects"]} == {"sugar", "tea"}
     assert episode.outcome == "cleared"
     assert summary["objects_sorted"] == summary["objects_total"] == 2
     believed = [row["believed"] for row in summary["attempts"] if row["outcome"] == "sorted"]
