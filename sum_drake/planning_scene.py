@@ -7,6 +7,7 @@ import dataclasses
 import functools
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Convex
@@ -98,8 +99,8 @@ class PlanningScene(CheckedScene):
     gap: float = robot.HAND.gap_max
     checker: SceneGraphCollisionChecker = None
     """Made from the rest, in about .3 CPU seconds; scenes derived from this one share or clone it."""
-    skeleton: Skeleton = dataclasses.field(default=None)  # type: ignore[assignment]
-    """Made with the checker; scenes derived from this one share it."""
+    skeleton: Any = None
+    """A Skeleton, made with the checker; scenes derived from this one share it."""
 
     def __post_init__(self) -> None:
         """Raises InputError where the directives cannot be loaded."""

@@ -8,22 +8,18 @@ held is set down elsewhere to be grasped anew. Every object that is not attempte
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from sum_drake.carrying import plan_carrying_on
 from sum_drake.existence import LIKELY
-from sum_drake.explaining import UNEXPLAINED
-from sum_drake.geometry import apply, inverse, rotation_angle, transform
+from sum_drake.geometry import apply, rotation_angle, transform
 from sum_drake.grasp_ranking import RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
 from sum_drake.kinematics import Arm
 from sum_drake.lifting import LEANS, dragged
 from sum_drake.making_way import MOVE, TO_PLACE, been, blockers, failed, moves, nearest
-from sum_drake.objects import Catalogue, ObjectModel, sample_surface
+from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
 from sum_drake.picking import Infeasible, PickPlan, plan_pick_place
 from sum_drake.placing import PlacingConfig, free_places, is_area
@@ -31,14 +27,11 @@ from sum_drake.planning_scene import PlanningScene
 from sum_drake.prospects import POLICIES, Prospect, surest, why
 from sum_drake.resting import outside
 from sum_drake.retreat import plan_retreat
-from sum_drake.sensor import back_project
-from sum_drake.types import LEAVE, Array, Attempt, Frame, Immutable, Motion, Perception, Region, Track
+from sum_drake.standing import EXPLAINED, distances, not_of, owners, standing_points, table_shown, thin
+from sum_drake.types import LEAVE, Array, Attempt, Immutable, Motion, Perception, Region, Track
 
 SHOWN = 0.5
 """Share of the table that must be seen with depth before it counts as clear."""
-EXPLAINED, NAMED = 0.012, 0.02
-"""Depth points this near to a believed object are on it, metres: pose error and sensor noise together; and so much
-farther ones are still named after it, where they are in the way."""
 ROUND = 0.10
 """Height above the table at which a hand that points straight down must reach a place on it, metres."""
 
@@ -151,7 +144,7 @@ class SortingTask:
         """
         points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
         believed = tuple(track for track in perception.posterior.tracks if track.accepted)
-        off = {track.id: _distances(points_W, self._catalogue[track.label], track.X_WO) for track in believed}
+        off = {track.id: distances(points_W, self._catalogue[track.label], track.X_WO) for track in believed}
         now = _Now(perception, attempts, q, points_W, believed, off)
         wanted = [track for track in believed if not self._is_in_place(track)]
         choice, refused = self._choose(now, wanted)
@@ -310,7 +303,7 @@ class SortingTask:
                 points_W=now.points_W[kept],
                 table_height=self._regions["table"].floor_height,
                 config=self._grasp_config,
-                owners=_owners(others, [now.off[t.id][kept] for t in others], len(kept)),
+                owners=owners(others, [now.off[t.id][kept] for t in others], len(kept)),
             )
 
         def drag() -> tuple[tuple[str, float], ...]:
@@ -419,7 +412,7 @@ class SortingTask:
         """
         model = self._catalogue[pick.track.label]
         points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
-        points_W = _not_of(points_W, model, pick.track.X_WO)
+        points_W = not_of(points_W, model, pick.track.X_WO)
         others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
         return plan_carrying_on(
             arm=self._arm,
@@ -439,56 +432,6 @@ class SortingTask:
 def region_of(label: str, goal: Mapping[str, str], catalogue: Catalogue) -> str:
     """Name of the region a label belongs in: by label, else by category, "leave" where the goal has neither."""
     return goal.get(label, goal.get(catalogue[label].category, LEAVE))
-
-
-def standing_points(frame: Frame, table: Region, height: float) -> Array:
-    """Depth points in W (n, 3) that stand more than `height` above the table, over its area."""
-    p_CQ = back_project(frame.depth, frame.camera).reshape(-1, 3)
-    p_WQ = apply(frame.X_WC, p_CQ[frame.depth.reshape(-1) > 0])
-    over = np.all(np.abs(p_WQ[:, :2] - table.p_W[:2]) < table.half_extents[:2], axis=1)
-    between = (p_WQ[:, 2] > table.floor_height + height) & (p_WQ[:, 2] < table.rim_height)
-    return np.asarray(p_WQ[over & between])
-
-
-def table_shown(frame: Frame, table: Region) -> float:
-    """Share of the table's top, as far as it lies in the picture, at which there is depth; 0 where none of it does."""
-    x, y = np.meshgrid(*(np.linspace(-0.95, 0.95, 24),) * 2)
-    spots = np.stack([x, y, np.full_like(x, -1.0)], -1).reshape(-1, 3)
-    p_CQ = apply(inverse(frame.X_WC), table.p_W + table.half_extents * spots)
-    camera = frame.camera
-    z = np.maximum(p_CQ[:, 2], 1e-6)
-    u = np.round(camera.fx * p_CQ[:, 0] / z + camera.cx).astype(int)
-    v = np.round(camera.fy * p_CQ[:, 1] / z + camera.cy).astype(int)
-    inside = (p_CQ[:, 2] > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    return float(np.mean(frame.depth[v[inside], u[inside]] > 0)) if inside.any() else 0.0
-
-
-def thin(points: NDArray[Any], count: int) -> NDArray[Any]:
-    """At most `count` of the points (or of their numbers), evenly picked."""
-    return points[:: max(1, -(-len(points) // count))]
-
-
-def _distances(points_W: Array, model: ObjectModel, X_WO: Array) -> Array:
-    """(n,): how far points (n, 3) are from the surface of an object."""
-    of_it, _ = sample_surface(model, 3000, np.random.default_rng(0))
-    distance, _ = cKDTree(of_it).query(apply(inverse(X_WO), points_W))
-    return np.asarray(distance)
-
-
-def _not_of(points_W: Array, model: ObjectModel, X_WO: Array) -> Array:
-    """The points that are not explained by the object at that pose."""
-    return np.asarray(points_W[_distances(points_W, model, X_WO) > EXPLAINED])
-
-
-def _owners(tracks: Sequence[Track], off: Sequence[Array], count: int) -> list[str]:
-    """Label of the object that each of `count` points is nearest to, UNEXPLAINED for those that are near to none."""
-    if not tracks:
-        return [UNEXPLAINED] * count
-    distances = np.array(off)  # (tracks, points)
-    return [
-        tracks[i].label if distances[i, point] < NAMED else UNEXPLAINED
-        for point, i in enumerate(distances.argmin(axis=0))
-    ]
 
 
 def _in_the_way_of(track: Track, refused: Sequence[Attempt], believed: Sequence[Track]) -> str:

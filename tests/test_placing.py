@@ -27,7 +27,7 @@ NOTHING = np.empty((0, 3))
 
 def places(X: Array = X_WO, taken_W: Array = NOTHING, region: Region = TOP, **more: object) -> tuple[Array, ...]:
     given = {"config": CONFIG, **more}
-    return free_places(MUG, X, region=region, table=TOP, taken_W=taken_W, **given)  # type: ignore[arg-type]
+    return free_places(MUG, X, region=region, table=TOP, taken_W=taken_W, **given)
 
 
 def gap_between(X: Array, taken_W: Array) -> float:

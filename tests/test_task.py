@@ -14,18 +14,8 @@ from sum_drake.objects import load_catalogue, sample_surface
 from sum_drake.pick_config import PickConfig
 from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.robot import VIEW
-from sum_drake.task import (
-    Look,
-    Pick,
-    SortingTask,
-    Stop,
-    TaskConfig,
-    _not_of,
-    _same_grasp,
-    region_of,
-    standing_points,
-    thin,
-)
+from sum_drake.standing import not_of, thin
+from sum_drake.task import Look, Pick, SortingTask, Stop, TaskConfig, _same_grasp, region_of
 from sum_drake.types import Attempt, Perception, PickPlace, PoseBelief, Region, SceneBelief, Track, readonly
 
 CATALOGUE = load_catalogue()
@@ -198,33 +188,6 @@ def test_the_region_of_a_label_goes_before_that_of_its_category():
     assert region_of("tide", {**GOAL, "tide": "non_cleaning_bin"}, CATALOGUE) == "non_cleaning_bin"
     assert region_of("tide", {"tide": "leave", **GOAL}, CATALOGUE) == "leave"
     assert region_of("mug", {"cleaning": "cleaning_bin"}, CATALOGUE) == "leave", "the goal has neither"
-
-
-def test_points_are_those_that_stand_over_the_table_and_no_others():
-    there, beside = standing(CATALOGUE, "sugar", 0.6, 0.0), standing(CATALOGUE, "mug", 0.35, 0.0)
-    table = dataclasses.replace(REGIONS["table"], half_extents=readonly([0.22, 0.45, 0.25]))
-    frame, boxes = observe(CATALOGUE, {"sugar": there, "mug": beside})
-    assert set(boxes) == {"sugar", "mug"}, "both are in the picture"
-    points_W = standing_points(frame, table, CONFIG.clear_height)
-    assert len(points_W) > 500
-    assert points_W[:, 2].min() > TABLE + CONFIG.clear_height
-    assert len(_not_of(points_W, CATALOGUE["sugar"], there)) == 0, "all of them are the sugar's"
-    assert len(standing_points(observe(CATALOGUE, {})[0], table, CONFIG.clear_height)) == 0
-
-
-def test_pixels_without_depth_are_no_points():
-    frame, _ = observe(CATALOGUE, {"sugar": standing(CATALOGUE, "sugar", 0.6, 0.0)})
-    blind = dataclasses.replace(frame, depth=readonly(np.zeros_like(frame.depth), np.float32))
-    assert standing_points(blind, REGIONS["table"], CONFIG.clear_height).shape == (0, 3)
-
-
-def test_an_object_explains_the_points_on_it_and_not_those_beside_it():
-    model = CATALOGUE["mug"]
-    X_WO = standing(CATALOGUE, "mug", 0.6, 0.1, yaw=1.0)
-    p_O, n_O = sample_surface(model, 500, np.random.default_rng(1))
-    near, off = apply(X_WO, p_O + 0.008 * n_O), apply(X_WO, p_O) + np.array([0.0, 0.3, 0.0])
-    np.testing.assert_array_equal(_not_of(np.concatenate([near, off]), model, X_WO), off)
-    assert _not_of(np.empty((0, 3)), model, X_WO).shape == (0, 3)
 
 
 def test_grasps_are_the_same_within_15_mm_and_25_degrees():
@@ -451,7 +414,7 @@ def test_an_area_of_the_table_is_a_goal_with_a_free_place_for_each(can_seen):
     X_WO = choice.plan.X_WO_place
     p_W = apply(X_WO, sample_surface(CATALOGUE["soup_can"], 500, np.random.default_rng(0))[0])
     assert (np.abs(p_W[:, :2] - area.p_W[:2]) < area.half_extents[:2]).all()
-    assert len(_not_of(p_W, CATALOGUE["mug"], mug)) == len(p_W), "free of the mug"
+    assert len(not_of(p_W, CATALOGUE["mug"], mug)) == len(p_W), "free of the mug"
     assert p_W[:, 2].min() - TABLE < 0.02
     there = see({"soup_can": X_WO, "mug": mug}, [believe("soup_can", X_WO), believe("mug", mug, 1)])
     assert task.decide(there, (), 0, VIEW).outcome == "cleared"
