@@ -64,6 +64,12 @@ def test_it_writes_results_and_a_page(tmp_path):
     assert {row["table"] for row in results["rows"]} >= {"query", "problem"}
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Planning and picks" in page and page.count("role='img'") == 2
+    told = []
+    again = bench_plan(
+        tmp_path / "out", load_catalogue(), size=TINY, workers=1, progress=lambda *of: told.append(of[1:])
+    )
+    assert told == [(7, 7)], "what was done is not done again"
+    np.testing.assert_equal(again, found)  # to which nan is itself
 
 
 def test_a_page_without_anything_is_a_page():

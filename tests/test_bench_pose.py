@@ -68,7 +68,7 @@ def test_rows_of_other_settings_and_unknown_methods_are_refused(out, catalogue, 
     with pytest.raises(InputError, match="is of another version of the program; expected"):
         bench_pose(tmp_path, catalogue, **RUN)
     (tmp_path / "rows.jsonl").write_text((out / "rows.jsonl").read_text().replace("adds_m", "adds_km", 1))
-    with pytest.raises(InputError, match="line 2: .*expected a row of this bench"):
+    with pytest.raises(InputError, match=r"line 2: .*expected a row of this bench"):
         bench_pose(tmp_path, catalogue, **RUN)
     with pytest.raises(InputError, match="'luck' is unknown; expected some of paper, default"):
         bench_pose(tmp_path / "new", catalogue, **RUN | {"methods": ("luck",)})

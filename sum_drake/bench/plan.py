@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake.assets import asset
-from sum_drake.bench import plan_picks
+from sum_drake.bench import plan_pick_trials, plan_picks
 from sum_drake.bench.aims import Aims
 from sum_drake.bench.plan_ik import IkMeasured, measure_ik
 from sum_drake.bench.plan_own import TIME_LIMIT
@@ -216,7 +216,7 @@ def _start_worker(catalogue: Catalogue, seed: int) -> None:
     global _robot, _base, _catalogue, _seed
     logging.getLogger("drake").setLevel(logging.WARNING)
     _robot, _base, _catalogue, _seed = fetch_robot(), PlanningScene(), catalogue, seed
-    plan_picks.start_worker(catalogue)
+    plan_pick_trials.start_worker(catalogue)
     warm_up()
 
 
@@ -230,4 +230,4 @@ def _measure(what: str, *which: Any) -> Measured:
         solved = solve(_robot, problem, seed=_seed, time_limit=TIME_LIMIT)
         valid = not solved.solved or revalidated(_robot, problem, np.array(solved.path))
         return Measured(solved=solved, valid=valid)
-    return Measured(picked=plan_picks.measure_pick(*which))
+    return Measured(picked=plan_pick_trials.measure_pick(*which))

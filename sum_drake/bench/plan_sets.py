@@ -70,11 +70,18 @@ def make_problem(kind: str, seed: int, index: int, robot: UserRobot) -> dict[str
     raise RuntimeError(f"no problem of kind {kind} in {_SCENES} scenes")
 
 
-def write_sets(folder: Path, *, count: int, seed: int, progress: Callable[[str], None] = lambda _: None) -> None:
+def write_sets(
+    folder: Path,
+    *,
+    count: int,
+    seed: int,
+    kinds: Sequence[str] = KINDS,
+    progress: Callable[[str], None] = lambda _: None,
+) -> None:
     """Writes KIND.json, one problem a line, for every kind."""
     folder.mkdir(parents=True, exist_ok=True)
     robot = fetch_robot()
-    for kind in KINDS:
+    for kind in kinds:
         lines = []
         for index in range(count):
             entry = make_problem(kind, seed, index, robot)
