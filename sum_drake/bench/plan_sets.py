@@ -7,7 +7,7 @@ hand can be drawn out of the furniture again in a line, so that few have no solu
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
