@@ -74,3 +74,8 @@ def test_it_writes_results_and_a_page(tmp_path):
 
 def test_a_page_without_anything_is_a_page():
     assert "Every path was found" in report_page([], figures({}), AIMS)
+
+
+def test_a_page_tells_which_picks_failed():
+    failed = {"setting": "alone", "phase": "plan", "cause": "ik", "count": 2, "which": ["mug 1", "tide 2"]}
+    assert "mug 1, tide 2" in report_page([{"table": "pick_failure"} | failed], figures({}), AIMS)

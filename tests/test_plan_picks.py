@@ -54,7 +54,7 @@ def test_rows_tell_success_by_object_and_failures_by_cause():
     rows = pick_rows([WORKED, LOST, LOST, NO_PLAN, dataclasses.replace(WORKED, label="tide")])
     objects = {row["label"]: (row["picks"], row["succeeded"]) for row in rows if row["table"] == "pick_object"}
     assert objects == {"mug": (4, 1), "tide": (1, 1)}
-    failures = [(row["phase"], row["cause"], row["count"]) for row in rows if row["table"] == "pick_failure"]
-    assert failures == [("transport", "lost_in_transport", 2), ("plan", "ik", 1)]
+    failures = [(row["phase"], row["cause"], row["which"]) for row in rows if row["table"] == "pick_failure"]
+    assert failures == [("transport", "lost_in_transport", ["mug 1", "mug 1"]), ("plan", "ik", ["mug 1"])]
     assert sum(row["table"] == "pick" for row in rows) == 5
     json.dumps(rows)

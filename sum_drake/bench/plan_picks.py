@@ -8,7 +8,6 @@ How they are done: `plan_pick_trials`.
 """
 
 import dataclasses
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -137,7 +136,7 @@ def _share(of: Sequence[bool]) -> float:
 
 
 def pick_rows(picked: Sequence[Picked]) -> list[Mapping[str, Any]]:
-    """Rows of results.json: every pick, success by object, causes of failure by count."""
+    """Rows of results.json: every pick, success by object, failures by cause and which they are of."""
     rows: list[Mapping[str, Any]] = [{"table": "pick"} | encode(one) for one in picked]
     for setting in ("alone", "clutter"):
         of = [one for one in picked if one.setting == setting]
@@ -147,9 +146,13 @@ def pick_rows(picked: Sequence[Picked]) -> list[Mapping[str, Any]]:
             rows.append(
                 {"table": "pick_object", "setting": setting, "label": label, "picks": len(mine), "succeeded": worked}
             )
-        causes = Counter((one.phase, one.cause) for one in of if not one.succeeded)
+        failed: dict[tuple[str, str], list[str]] = {}
+        for one in of:
+            if not one.succeeded:
+                failed.setdefault((one.phase, one.cause), []).append(f"{one.label} {one.seed}")
         rows += [
-            {"table": "pick_failure", "setting": setting, "phase": phase, "cause": cause, "count": count}
-            for (phase, cause), count in causes.most_common()
+            {"table": "pick_failure", "setting": setting, "phase": phase, "cause": cause, "count": len(which)}
+            | {"which": which}
+            for (phase, cause), which in sorted(failed.items(), key=lambda item: -len(item[1]))
         ]
     return rows

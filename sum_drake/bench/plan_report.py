@@ -50,9 +50,15 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         ),
         "<h2>Picks that failed, by cause</h2>",
         page.table(
-            ("setting", "phase", "cause", "how many"),
+            ("setting", "phase", "cause", "how many", "object and seed"),
             [
-                (row["setting"], page.text(row["phase"]), page.text(row["cause"]), str(row["count"]))
+                (
+                    row["setting"],
+                    *(
+                        page.text(text)
+                        for text in (row["phase"], row["cause"], str(row["count"]), ", ".join(row["which"]))
+                    ),
+                )
                 for row in of.get("pick_failure", [])
             ],
         ),
