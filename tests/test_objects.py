@@ -9,12 +9,14 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydrake.geometry import Box, Capsule, Convex, Mesh, Role
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.planning import RobotDiagramBuilder
 
 from sum_drake.assets import InputError
 from sum_drake.geometry import inverse, pose_error, rotation_from_vector, transform
 from sum_drake.objects import Catalogue, check, describe, is_shaded, load_catalogue, sample_surface
-from sum_drake.parsing import make_parser
+from sum_drake.parsing import make_parser, parser_allowed
 from sum_drake.robot import HAND
 
 PAPER = (
@@ -82,6 +84,32 @@ def test_collision_pieces_are_convex_and_follow_the_shape(catalogue: Catalogue, 
     corners = np.concatenate([piece.vertices for piece in pieces])
     low, high = model.load_mesh().bounds
     assert np.all(corners > low - 0.004) and np.all(corners < high + 0.004)
+
+
+@pytest.mark.parametrize("label", CATALOGUE.labels)
+def test_what_physics_collides_with_is_where_the_collision_pieces_are(catalogue: Catalogue, label: str) -> None:
+    with parser_allowed():
+        builder = RobotDiagramBuilder(time_step=0.0)
+    builder.parser().AddModels(str(catalogue[label].sdf))
+    inspector = builder.scene_graph().model_inspector()
+    shapes = {inspector.GetName(i).split("::")[-1]: i for i in inspector.GetAllGeometryIds(Role.kProximity)}
+    pieces = catalogue[label].load_collision()
+    assert len(shapes) == len(pieces)
+    for k, piece in enumerate(pieces):
+        shape = inspector.GetShape(shapes[f"collision_{k}"])
+        X_OS = inspector.GetPoseInFrame(shapes[f"collision_{k}"])
+        if isinstance(shape, Convex | Mesh):
+            assert X_OS.IsNearlyIdentity(0.0)  # the very file that the piece is
+            continue
+        axis = np.abs(X_OS.rotation().matrix()[:, 2])
+        if isinstance(shape, Box):
+            half = np.abs(X_OS.rotation().matrix()) @ shape.size() / 2
+        elif isinstance(shape, Capsule):
+            half = shape.length() / 2 * axis + shape.radius()
+        else:
+            half = shape.length() / 2 * axis + shape.radius() * np.sqrt(1 - axis**2)
+        np.testing.assert_allclose(X_OS.translation() - half, piece.bounds[0], atol=0.003)
+        np.testing.assert_allclose(X_OS.translation() + half, piece.bounds[1], atol=0.003)
 
 
 def _distance_outside(piece: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import trimesh
 import yaml
+from pydrake.math import RollPitchYaw, RotationMatrix
 
 from sum_drake.models.objects import bottles, boxes_and_cans, others, paint, shapes
 from sum_drake.models.objects.product import Product
@@ -83,10 +84,9 @@ def numbers(values: object) -> str:
     return " ".join(f"{v:.6g}" for v in np.ravel(np.asarray(values, dtype=float)).round(9) + 0.0)
 
 
-def roll_pitch_yaw(R: shapes.Array) -> tuple[float, float, float]:
-    """Angles of an SDF pose."""
-    pitch = float(np.arcsin(np.clip(-R[2, 0], -1, 1)))
-    return float(np.arctan2(R[2, 1], R[2, 2])), pitch, float(np.arctan2(R[1, 0], R[0, 0]))
+def roll_pitch_yaw(R: shapes.Array) -> shapes.Array:
+    """Angles of an SDF pose; Drake's own, which are right where pitch is a right angle, too."""
+    return np.asarray(RollPitchYaw(RotationMatrix(R)).vector())
 
 
 def sdf(product: Product, mesh: trimesh.Trimesh, origin: shapes.Array) -> str:
