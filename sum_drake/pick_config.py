@@ -25,22 +25,29 @@ class PickConfig:
     """The same from the robot itself."""
     reach_padding: float = 0.002
     """Distance from table and bins during reach, lift and retreat; the object itself and its points do not count."""
+    neighbour_paddings: list[float] = dataclasses.field(default_factory=lambda: [0.005, 0.0])
+    """The same from believed neighbours: the first with which there is any way. The arm follows its plan to 2 mm, and
+    whoever brushes a neighbour is stopped."""
     explained: float = 0.012
     """Depth points this close to a believed object are that object, not obstacles of their own."""
     point_size: float = 0.015
     """Edge of the boxes that cover unexplained points."""
     grasps: int = 60
     """Grasps examined: two thirds the best ranked, one third spread over the rest."""
+    places: int = 18
+    """Grasps for which a place is searched before the object is given up."""
     searches: int = 6
-    """Grasps for which a place and paths are searched before the object is given up."""
+    """Grasps for which paths are searched before the object is given up."""
     budget: int = 1500
     """Calls of the termination condition in one path search."""
     speed: float = 1.0
     """Share of the joints' speed that the arm goes around things with."""
     straight_speed: float = 1.0
     """The same for reach, lift and retreat."""
-    release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26])
+    release_heights: list[float] = dataclasses.field(default_factory=lambda: [0.04, 0.08, 0.13, 0.19, 0.26, 0.33, 0.40])
     """Height of the object's lowest point above the region's floor, or above `fill`, when it is let go."""
+    gentle: float = 0.26
+    """From higher it is let fall only where no grasp allows less."""
     lower: float = 0.06
     """Length of the straight way down to a place on the table."""
     close_time: float = 1.0

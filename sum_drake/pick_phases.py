@@ -8,11 +8,26 @@ from scipy.spatial import ConvexHull
 
 from sum_drake import timing
 from sum_drake.checked_scene import FINE
-from sum_drake.geometry import apply, inverse
+from sum_drake.geometry import apply, inverse, shifted
 from sum_drake.pick_config import PickConfig
 from sum_drake.planning_scene import PlanningScene, Solid, solids_of_points
 from sum_drake.playback import GAP_SPEED
 from sum_drake.types import Array, Segment, Trajectory
+
+REASONS = (
+    "no_grasp", "start_in_collision", "out_of_reach", "ik", "grasp_collision", "reach", "lift", "no_place",
+    "place_out_of_reach", "place_ik", "place_collision", "no_path_to_pregrasp", "no_path_to_place", "no_path_home",
+)  # fmt: skip
+"""Why nothing can be done, and, but for the first two, how far a grasp got, in the order of the tests:
+
+no_grasp: no candidate came out of the ranking; start_in_collision: the arm, where it is, touches something;
+out_of_reach: the arm is too short; ik: it is not, but cannot put the hand there; grasp_collision: something other than
+the object is in the way at the grasp; reach: no straight free way from short of the grasp to it; lift: no straight free
+way up; no_place: no spot of the table's region is free; place_out_of_reach, place_ik, place_collision: the arm cannot
+hold the object over the region, or something is in the way; no_path_to_pregrasp, no_path_to_place, no_path_home: the
+search for a free path was given up. start_in_collision, grasp_collision, reach, lift and place_collision are counted as
+CAUSE_BODY, the body that is met, where there is one.
+"""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -33,13 +48,20 @@ class PhaseScenes:
 
     @staticmethod
     def make(
-        scene: PlanningScene, target: Solid, others: Sequence[Solid], points: Array, config: PickConfig
+        scene: PlanningScene,
+        target: Solid,
+        others: Sequence[Solid],
+        points: Array,
+        config: PickConfig,
+        *,
+        neighbour_padding: float,
     ) -> "PhaseScenes":
+        """neighbour_padding: distance kept from `others` near the grasp, metres."""
         loose = solids_of_points(unexplained(points, others, config.explained), size=config.point_size)
         # The object and the points come first, so that no other solid of the same name is meant by theirs.
         full = scene.with_solids((target, *loose, *others))
         around = padded(full, config)
-        near = full.padded(furniture=config.reach_padding, solids=0.0, self_distance=config.self_padding)
+        near = full.padded(furniture=config.reach_padding, solids=neighbour_padding, self_distance=config.self_padding)
         close = near.ignoring(*full.names[: 1 + len(loose)])
         return PhaseScenes(around, close, around.ignoring(full.names[0]), config)
 
@@ -69,3 +91,39 @@ def unexplained(points_W: Array, solids: Sequence[Solid], distance: float) -> Ar
             faces = ConvexHull(hull).equations  # (f, 4): outward normal and offset
             loose &= (p_SQ @ faces[:, :3].T + faces[:, 3]).max(1) > distance
     return points_W[loose]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PickWay:
+    """Joint paths of one way to pick."""
+
+    X_WG: Array
+    reach: Array
+    """(k, 8) from short of the grasp to it."""
+    lift: Array
+    """(k, 8) from the grasp upwards."""
+    held: PlanningScene
+    """With the object in the hand."""
+
+
+class GivenUp(Exception):
+    """A grasp fell through: `stage` is one of REASONS, `cause` what it is counted as."""
+
+    def __init__(self, stage: str, cause: str | None = None) -> None:
+        super().__init__(stage)
+        self.stage, self.cause = stage, cause or stage
+
+
+def met(scene: PlanningScene, qs: Array) -> str:
+    """_BODY, of the first thing that is touched in qs (n, 8); "" where none is."""
+    pairs = next((pairs for pairs in map(scene.colliding_pairs, qs) if pairs), ())
+    return f"_{pairs[0][1]}" if pairs else ""
+
+
+def first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Array | None:
+    """The first of paths (n, k, 8) that is free on its way and, in another scene, at its end."""
+    return next((path for path in paths if at_end.is_free(path[-1]) and along.path_free(path, 0.01)), None)
+
+
+def along_x(distance: float) -> Array:
+    return shifted(np.eye(4), np.array([distance, 0.0, 0.0]))

@@ -5,7 +5,7 @@ import pytest
 from sum_drake import explaining
 from sum_drake.explaining import explained, given_up, in_the_way, parted
 from sum_drake.grasp_ranking import CAUSES
-from sum_drake.picking import REASONS
+from sum_drake.pick_phases import REASONS
 from sum_drake.types import Attempt
 
 REJECTED = (

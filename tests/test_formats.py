@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from sum_drake import action_model, belief, faults, grasp_ranking, picking, reflex, runlog, summary_schema
+from sum_drake import action_model, belief, faults, grasp_ranking, pick_phases, reflex, runlog, summary_schema
 from sum_drake.geometry import SYMMETRIES
 from sum_drake.systems import run_log
 
@@ -28,7 +28,7 @@ def names(kind: Any) -> list[str]:
 @pytest.mark.parametrize(
     "listed",
     [
-        summary_schema.OUTCOMES, summary_schema.FATES, picking.REASONS, grasp_ranking.CAUSES, SYMMETRIES,
+        summary_schema.OUTCOMES, summary_schema.FATES, pick_phases.REASONS, grasp_ranking.CAUSES, SYMMETRIES,
         names(summary_schema._SUMMARY), names(summary_schema._FALSE_DETECTION), names(summary_schema._FAULT),
         names(summary_schema._GONE), names(summary_schema._LIMITS), faults.KINDS, belief.ENDS, action_model.OUTCOMES,
         reflex.CAUSES,

@@ -11,9 +11,10 @@ from sum_drake.geometry import apply, inverse, rotation_from_vector, transform
 from sum_drake.grasp_ranking import CAUSES, RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates, opening
 from sum_drake.kinematics import CONTINUOUS, Arm
+from sum_drake.letting_go import release_gap
 from sum_drake.objects import load_catalogue, sample_surface
 from sum_drake.pick_config import PickConfig
-from sum_drake.picking import Infeasible, PickPlan, plan_pick_place, release_gap
+from sum_drake.picking import Infeasible, PickPlan, plan_pick_place
 from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.playback import GAP_SPEED
 from sum_drake.types import Grasp, PoseBelief, Region
@@ -126,6 +127,35 @@ def test_a_real_grasp_in_a_cluttered_scene(scene):
     assert isinstance(made, PickPlan)
     assert_sound(scene, made, model, X_WO, obstacles)
     assert_lands_in(BIN, made, model)
+
+
+def beside(scene, gap, padding, **changes):
+    """A soup can picked with another `gap` metres beside an open finger; the scene in which the hand reaches for it."""
+    finger = 0.05 + robot.HAND.pad_thickness  # open fingers are .1 apart along x in `from_above`
+    x = 0.6 + finger + gap + CATALOGUE["soup_can"].dimensions[0] / 2
+    neighbour = (CATALOGUE["soup_can"], standing("soup_can", x, 0.05))
+    made = plan(scene, obstacles=[neighbour], config=PickConfig(**changes))
+    around = scene.with_solids((solid_of(*neighbour),))
+    return made, around.padded(furniture=0.0, solids=padding, self_distance=0.0).with_gap(0.1)
+
+
+def test_a_reach_keeps_away_from_a_neighbour_where_there_is_room_and_goes_close_where_there_is_none(scene):
+    made, near = beside(scene, 0.006, 0.005)
+    assert isinstance(made, PickPlan)
+    assert near.path_free(made.pick.segments[1].trajectory.positions, 0.005)
+    made, near = beside(scene, 0.002, 0.0)
+    assert isinstance(made, PickPlan)
+    assert near.path_free(made.pick.segments[1].trajectory.positions, 0.005)
+    refused, _ = beside(scene, 0.002, 0.0, neighbour_paddings=[0.005])
+    assert isinstance(refused, Infeasible)
+    assert "soup_can" in "".join(cause for cause, count in refused.rejected_by if count)
+
+
+def test_what_can_only_be_let_go_from_high_above_is(scene):
+    made = plan(scene, config=PickConfig(release_heights=[0.33]))
+    assert isinstance(made, PickPlan)
+    hulls = apply(made.X_WO_place, np.concatenate(solid_of(CATALOGUE["soup_can"], np.eye(4)).hulls))
+    assert hulls[:, 2].min() - BIN.floor_height == pytest.approx(0.33, abs=1e-6)
 
 
 def test_the_hand_lets_go_surely_and_straight_back(scene):
