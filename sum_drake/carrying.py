@@ -10,7 +10,7 @@ from sum_drake.kinematics import Arm
 from sum_drake.motion import NoPath, cartesian_path, plan_path
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
-from sum_drake.pick_phases import timed, unexplained
+from sum_drake.pick_phases import comes_clear, timed, unexplained
 from sum_drake.picking import PickPlan
 from sum_drake.planning_scene import PlanningScene, solid_of, solids_of_points
 from sum_drake.types import Array, Motion, Segment
@@ -51,7 +51,7 @@ def plan_carrying_on(
     reason = "no straight way up"
     for height in HEIGHTS:
         for rise in cartesian_path(arm, X_WG, shifted(X_WG, np.array([0.0, 0.0, height])), q_now, count=2):
-            if not held.is_free(rise[-1]):
+            if not comes_clear(held, rise):
                 continue
             way = plan_path(held, rise[-1], q_release[None], seed=seed, budget=config.budget)
             if isinstance(way, NoPath):

@@ -17,18 +17,22 @@ DEFAULT_MASS = 0.4
 """Kilograms, of objects whose catalogue does not say."""
 DOUBT = 0.2
 """How much less probable it is that a grasp holds whose contact is bad, or which has no room."""
+ENOUGH, ROUNDS = 10, 3
+"""The next best grasps are tried out on the belief until so many hold, or so many times."""
 RANKING_POINTS = 5000
 """At most this many surface points are used while ranking, where time is short."""
 
 CAUSES = (
     "approach_from_below", "table", "neighbour_finger", "neighbour_palm", "neighbour_approach", "belief_too_wide",
+    "outranked",
 )  # fmt: skip
 """Why `rank_grasps` drops a candidate, in the order in which the causes are tested:
 
 approach_from_below: the approach direction is more than `max_tilt` away from straight down; table: the hand would come
 closer to the table than `table_clearance`; neighbour_finger, neighbour_palm, neighbour_approach: an obstacle point
 lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way (counted as CAUSE_NAME where
-it is known whose point that is); belief_too_wide: the grasp holds for less than `min_survival` of the belief.
+it is known whose point that is); belief_too_wide: the grasp holds for less than `min_survival` of the belief;
+outranked: it was not tried out on the belief, as better ones hold.
 """
 NEIGHBOUR_CAUSES = ("neighbour_finger", "neighbour_palm", "neighbour_approach")
 
@@ -125,10 +129,20 @@ def rank_grasps(
     merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
     scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)
 
-    best = np.argsort(-scores, kind="stable")[: min(config.tried, np.count_nonzero(cause < 0))]
+    ranked = np.argsort(-scores, kind="stable")[: np.count_nonzero(cause < 0)]
     survival = np.ones(len(X_WGs))
-    survival[best] = _survival(cloud, X_WO, X_WGs[best], gaps[best], belief, config)
+    tried = 0
+    for _ in range(ROUNDS):
+        batch = ranked[tried : tried + config.tried]
+        survival[batch] = _survival(cloud, X_WO, X_WGs[batch], gaps[batch], belief, config)
+        tried += len(batch)
+        if np.count_nonzero(survival[ranked[:tried]] >= config.min_survival) >= ENOUGH or tried == len(ranked):
+            break
+    best = ranked[:tried]
     reject("belief_too_wide", survival < config.min_survival)
+    outranked = np.ones(len(X_WGs), dtype=bool)
+    outranked[best] = False
+    reject("outranked", outranked)
     # What stands over or beside the hand on its way up is no obstacle for certain, but room is better.
     room[best] = np.minimum(
         room[best], np.clip(_lift_clearances(X_WGs[best], gaps[best], points_W, config) / 0.02, 0, 1)

@@ -66,7 +66,7 @@ class GraspConfig:
     particles: int = 10
     """Poses drawn from the belief on which a grasp is tried out."""
     tried: int = 80
-    """At most this many of the best grasps are tried out, and returned."""
+    """So many of the best grasps are tried out at a time."""
     min_survival: float = 0.1
     """Share of those poses for which a grasp must hold."""
     weight_contact: float = 1.0

@@ -15,6 +15,9 @@ from sum_drake.planning_scene import SPACE, Solid
 from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Region
 
+WALL = 0.02
+"""Least distance of what is let go from the walls of a bin, seen from above, metres."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PlaceWay:
@@ -52,20 +55,24 @@ def places_over(
     X_WO_lift = arm.forward(q_lift) @ X_GO
     turn = np.arctan2(region.p_W[1], region.p_W[0]) - np.arctan2(X_WO_lift[1, 3], X_WO_lift[0, 3])
     spots = np.array([(x, y) for x in (-0.7, 0.0, 0.7) for y in (-0.7, 0.0, 0.7)])[rng.permutation(9)][:3]
-    stage = cause = "place_out_of_reach"
+    stage = cause = "no_place"
     for height in config.release_heights:
         options: list[tuple[float, Array, Array, Array]] = []
         for yaw in turn + np.arange(-5, 7) * np.pi / 6:
             R_WO = rotation_from_vector(np.array([0, 0, yaw])) @ X_WO_lift[:3, :3]
             corners = p_OQs @ R_WO.T
             low, high = corners.min(0), corners.max(0)
-            room = np.maximum(region.half_extents - (high - low) / 2 - 0.02, 0.0)
+            room = region.half_extents - (high - low) / 2 - WALL
+            if (room[:2] < 0).any():
+                continue
             for spot in spots:
                 X_WO = np.eye(4)
                 X_WO[:3, :3] = R_WO
                 X_WO[:2, 3] = region.p_W[:2] + spot * room[:2] - (low + high)[:2] / 2
                 X_WO[2, 3] = region.floor_height + fill + height - low[2]
                 X_WG = X_WO @ inverse(X_GO)
+                if stage == "no_place":
+                    stage = cause = "place_out_of_reach"
                 if not arm.reaches(X_WG):
                     continue
                 if stage == "place_out_of_reach":

@@ -8,6 +8,7 @@ from scipy.spatial import ConvexHull
 
 from sum_drake import timing
 from sum_drake.checked_scene import FINE
+from sum_drake.explaining import UNEXPLAINED
 from sum_drake.geometry import apply, inverse, shifted
 from sum_drake.pick_config import PickConfig
 from sum_drake.planning_scene import PlanningScene, Solid, solids_of_points
@@ -28,6 +29,15 @@ hold the object over the region, or something is in the way; no_path_to_pregrasp
 search for a free path was given up. start_in_collision, grasp_collision, reach, lift and place_collision are counted as
 CAUSE_BODY, the body that is met, where there is one.
 """
+
+
+DEEPER = {"": 0.002, UNEXPLAINED: 0.015}
+"""How much deeper than at the start a motion may lead into a solid that it leads out of: by its name, metres.
+
+Points that nothing explains are covered by boxes of that size, and may be of the very object that is lifted.
+"""
+DENSE = 0.03
+"""Radians between the configurations in which that is looked at."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -118,6 +128,31 @@ def met(scene: PlanningScene, qs: Array) -> str:
     """_BODY, of the first thing that is touched in qs (n, 8); "" where none is."""
     pairs = next((pairs for pairs in map(scene.colliding_pairs, qs) if pairs), ())
     return f"_{pairs[0][1]}" if pairs else ""
+
+
+def comes_clear(scene: PlanningScene, path: Array) -> bool:
+    """Whether path (k, 8), at whose start things may touch, leads away from them, and is free from there on.
+
+    It may go no deeper than DEEPER into any solid than it is at the start, and from the first configuration in which
+    nothing touches it is free. Furniture may be touched until then: what lay on the table leaves it.
+    """
+    steps = np.ceil(np.abs(np.diff(path, axis=0)).max(1) / DENSE).astype(int).clip(1)
+    dense = np.concatenate(
+        [*(np.linspace(a, b, n, endpoint=False) for a, b, n in zip(path[:-1], path[1:], steps, strict=True)), path[-1:]]
+    )
+    free = scene.free_many(dense)
+    if not free[-1] or not scene.path_free(dense[free.argmax() :], FINE):
+        return False
+    if free[0]:
+        return True
+    solids = {name: DEEPER.get(name, DEEPER[""]) for name in scene.names}
+    at_first = {body: depth for _, body, depth in reversed(scene.depths(path[0]))}
+    return all(
+        depth <= at_first.get(body, -np.inf) + solids[body]
+        for q in dense[: free.argmax()]
+        for _, body, depth in scene.depths(q)
+        if body in solids
+    )
 
 
 def first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Array | None:

@@ -23,7 +23,18 @@ from sum_drake.letting_go import PlaceWay, places_at, places_over, release_gap
 from sum_drake.motion import NoPath, cartesian_path, plan_path
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
-from sum_drake.pick_phases import REASONS, GivenUp, PhaseScenes, PickWay, along_x, first_free, met, opening, timed
+from sum_drake.pick_phases import (
+    REASONS,
+    GivenUp,
+    PhaseScenes,
+    PickWay,
+    along_x,
+    comes_clear,
+    first_free,
+    met,
+    opening,
+    timed,
+)
 from sum_drake.planning_scene import PlanningScene, Solid, solid_of
 from sum_drake.robot import VIEW
 from sum_drake.types import Array, Grasp, Immutable, Load, Motion, Region, Segment, Trajectory, readonly
@@ -73,6 +84,7 @@ def plan_pick_place(
     region: Region,
     q_now: Array,
     obstacles: Sequence[tuple[ObjectModel, Array]] = (),
+    margins: Sequence[float] = (),
     points_W: Array | None = None,
     seed: int,
     config: PickConfig,
@@ -82,7 +94,8 @@ def plan_pick_place(
     """The first of the ranked grasps that can be picked, carried to the region and let go, with its motions.
 
     scene: robot and furniture. X_WO: (4, 4), of the object to move. q_now: (8,). obstacles: the other believed objects
-    and their poses. points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
+    and their poses. margins: how uncertain each of these is, metres: kept from it besides the usual; none where empty.
+    points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
     filled, metres above its floor. spots: (4, 4) poses to set the object down at, instead of letting it go anywhere
     over the region. A function of its arguments; 2 to 3 CPU seconds.
 
@@ -90,7 +103,8 @@ def plan_pick_place(
     hulls of other objects count; everything counts while the arm goes around things.
     """
     target = solid_of(model, X_WO)
-    others = [solid_of(other, X) for other, X in obstacles]
+    kept = margins or [0.0] * len(obstacles)
+    others = [solid_of(other, X, margin=margin) for (other, X), margin in zip(obstacles, kept, strict=True)]
     points = np.empty((0, 3)) if points_W is None else points_W
     found: PickPlan | Infeasible | None = None
     for padding in config.neighbour_paddings:
@@ -218,17 +232,11 @@ def _find_pick(
             held = held or scenes.cleared.holding(target.hulls, inverse(X) @ target.X_WS).with_gap(width)
             for height in config.lifts:
                 for lift in cartesian_path(arm, X, shifted(X, np.array([0, 0, height])), q, count=2):
-                    if _clears(held, lift) and gripped.path_free(lift, 0.01):
+                    if comes_clear(held, lift) and gripped.path_free(lift, 0.01):
                         return PickWay(X, reach[::-1], lift, held)
                     if found.cause == "lift":
                         found = GivenUp("lift", "lift" + (met(held, lift[:0:-1]) or met(gripped, lift)))
     raise found
-
-
-def _clears(held: PlanningScene, lift: Array) -> bool:
-    """Whether a held object, which at first touches what it stood on, comes clear of everything and stays clear."""
-    free = held.free_many(lift)
-    return bool(free[-1] and free[free.argmax() :].all())
 
 
 def _connect(

@@ -21,6 +21,7 @@ from sum_drake import robot
 from sum_drake.assets import InputError, asset, one_line
 from sum_drake.checked_scene import FINE, CheckedScene, JointSpace
 from sum_drake.collision_model import Skeleton
+from sum_drake.explaining import UNEXPLAINED
 from sum_drake.objects import ObjectModel
 from sum_drake.parsing import add_packages, parser_allowed
 from sum_drake.types import Array, Immutable, readonly
@@ -45,15 +46,17 @@ class Solid(Immutable):
     """(n, 3) points each, n >= 4 and not flat."""
     X_WS: Array
     """(4, 4)."""
+    margin: float = 0.0
+    """Kept from it besides the padding of all solids, as it is not known better where it is; metres."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hulls", tuple(readonly(hull) for hull in self.hulls))
         object.__setattr__(self, "X_WS", readonly(self.X_WS))
 
 
-def solid_of(model: ObjectModel, X_WO: Array, name: str | None = None) -> Solid:
+def solid_of(model: ObjectModel, X_WO: Array, name: str | None = None, *, margin: float = 0.0) -> Solid:
     """The collision pieces of an object at X_WO (4, 4); the convex hull of its mesh where it has none."""
-    return Solid(name or model.label, _hulls(model), X_WO)
+    return Solid(name or model.label, _hulls(model), X_WO, margin)
 
 
 @functools.lru_cache(maxsize=256)
@@ -61,7 +64,7 @@ def _hulls(model: ObjectModel) -> tuple[Array, ...]:
     return tuple(np.asarray(mesh.convex_hull.vertices, dtype=float) for mesh in model.load_collision())
 
 
-def solids_of_points(points_W: Array, *, size: float = 0.02, name: str = "unexplained") -> tuple[Solid, ...]:
+def solids_of_points(points_W: Array, *, size: float = 0.02, name: str = UNEXPLAINED) -> tuple[Solid, ...]:
     """Boxes that cover points (m, 3) nothing explains, on a grid of `size` metres; neighbours are merged into one.
 
     One solid, or none where there are no points.
@@ -124,13 +127,16 @@ class PlanningScene(CheckedScene):
         return dataclasses.replace(self, gap=gap)
 
     def padded(self, *, furniture: float, solids: float, self_distance: float = 0.0) -> "PlanningScene":
-        """The same scene where the robot must keep these distances (metres) from furniture, solids and itself."""
+        """The same scene where the robot must keep these distances (metres) from furniture, solids and itself.
+
+        A solid's own margin comes on top, but where no distance is asked for.
+        """
         checker = self.checker.Clone()
         checker.SetPaddingAllRobotEnvironmentPairs(furniture)
         checker.SetPaddingAllRobotRobotPairs(self_distance)
-        for name in self.names:
+        for solid, name in zip(self.solids, self.names, strict=True):
             for link in self._links(checker):
-                checker.SetPaddingBetween(self._body(name), link, solids)
+                checker.SetPaddingBetween(self._body(name), link, solids + (solid.margin if solids > 0 else 0.0))
         return dataclasses.replace(self, checker=checker)
 
     def ignoring(self, *names: str) -> "PlanningScene":

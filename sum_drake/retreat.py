@@ -10,10 +10,13 @@ from sum_drake.kinematics import Arm, nearest_turns
 from sum_drake.motion import NoPath, cartesian_path, plan_path
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
-from sum_drake.pick_phases import opening, padded, timed, unexplained
+from sum_drake.pick_phases import comes_clear, opening, padded, timed, unexplained
 from sum_drake.planning_scene import PlanningScene, solid_of, solids_of_points
 from sum_drake.robot import HAND, VIEW
 from sum_drake.types import Array, Motion, Segment
+
+GAPS = (HAND.gap_max, 0.08, 0.06, 0.045)
+"""Distances between the fingers that the hand may open to."""
 
 
 def plan_retreat(
@@ -29,18 +32,21 @@ def plan_retreat(
 ) -> Motion:
     """From wherever the arm is (8,), after a failed pick: opens the hand, rises straight, returns to the viewing pose.
 
-    Rises as far as it can, at most to .4 m. Raises RuntimeError where there is no free way back.
+    Opens as far as there is room between what is believed, all the way where there is none at all; rises as far as it
+    can, at most to .4 m, away from what the hand touches where it is. Raises RuntimeError where there is no free way
+    back.
     """
     others = [solid_of(other, X) for other, X in obstacles]
     points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
     bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
+    gap = next((gap for gap in GAPS if bare.with_gap(gap).is_free(q_now)), HAND.gap_max)
+    bare = bare.with_gap(gap)
     around = padded(bare, config)
     rise = np.array([q_now])
     for height in np.arange(0.4, 0.0, -0.05):
         X_WG = arm.forward(q_now)
         paths = cartesian_path(arm, X_WG, shifted(X_WG, np.array([0, 0, height])), q_now)
-        # Where the arm stands it may touch things; rising must only lead away from them.
-        risen = [path for path in paths if around.is_free(path[-1])]
+        risen = [path for path in paths if comes_clear(around, path)]
         if risen:
             rise = risen[0]
             break
@@ -50,9 +56,9 @@ def plan_retreat(
     path = plan_path(free, rise[-1], home[None], seed=seed, budget=4 * config.budget)
     if isinstance(path, NoPath):
         raise RuntimeError(f"no free way back to the viewing pose: {path.reason} {path.pairs}")
-    segments = [opening(q_now, HAND.gap_max, config)]
+    segments = [opening(q_now, gap, config)]
     if len(rise) > 1:
         rising = timing.time_curve(rise, speed=config.straight_speed)
-        segments.append(Segment("retreat", rising, HAND.gap_max))
-    segments.append(Segment("return", timed(free, path.qs, config.speed), HAND.gap_max))
+        segments.append(Segment("retreat", rising, gap))
+    segments.append(Segment("return", timed(free, path.qs, config.speed), gap))
     return Motion(motion_id, tuple(segments))

@@ -30,6 +30,8 @@ from sum_drake.retreat import plan_retreat
 from sum_drake.standing import EXPLAINED, distances, not_of, owners, standing_points, table_shown, thin
 from sum_drake.types import LEAVE, Array, Attempt, Immutable, Motion, Perception, Region, Track
 
+MARGIN_SHARE, MARGIN_MAX = 0.75, 0.02
+"""From a neighbour the arm keeps as much more as this share of its belief is away from its estimate, at most metres."""
 SHOWN = 0.5
 """Share of the table that must be seen with depth before it counts as clear."""
 ROUND = 0.10
@@ -332,6 +334,7 @@ class SortingTask:
             region=self._regions[region],
             q_now=now.q,
             obstacles=[(self._catalogue[t.label], t.X_WO) for t in others],
+            margins=[_margin(t) for t in others],
             points_W=prospect.obstacles_W,
             seed=int(np.random.SeedSequence([self._seed, track.id, step]).generate_state(1)[0]),
             config=self._pick_config,
@@ -432,6 +435,14 @@ class SortingTask:
 def region_of(label: str, goal: Mapping[str, str], catalogue: Catalogue) -> str:
     """Name of the region a label belongs in: by label, else by category, "leave" where the goal has neither."""
     return goal.get(label, goal.get(catalogue[label].category, LEAVE))
+
+
+def _margin(track: Track) -> float:
+    """How far off its estimate an object may be, metres."""
+    off = np.linalg.norm(track.belief.X_WOs[:, :3, 3] - track.X_WO[:3, 3], axis=1)
+    order = np.argsort(off)
+    share = np.cumsum(track.belief.weights[order])
+    return min(float(off[order][min(np.searchsorted(share, MARGIN_SHARE), len(off) - 1)]), MARGIN_MAX)
 
 
 def _in_the_way_of(track: Track, refused: Sequence[Attempt], believed: Sequence[Track]) -> str:
