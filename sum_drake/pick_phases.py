@@ -32,7 +32,7 @@ CAUSE_BODY, the body that is met, where there is one.
 
 
 DEEPER = {"": 0.002, UNEXPLAINED: 0.015}
-"""How much deeper than at the start a motion may lead into a solid that it leads out of: by its name, metres.
+"""How much deeper than before a motion may lead into a solid that it leads out of: by its name, metres.
 
 Points that nothing explains are covered by boxes of that size, and may be of the very object that is lifted.
 """
@@ -125,16 +125,16 @@ class GivenUp(Exception):
 
 
 def met(scene: PlanningScene, qs: Array) -> str:
-    """_BODY, of the first thing that is touched in qs (n, 8); "" where none is."""
-    pairs = next((pairs for pairs in map(scene.colliding_pairs, qs) if pairs), ())
-    return f"_{pairs[0][1]}" if pairs else ""
+    """_BODY, of what is touched deepest in the first of qs (n, 8) that touches anything; "" where none does."""
+    depths = next((depths for depths in map(scene.depths, qs) if depths), ())
+    return f"_{depths[0][1]}" if depths else ""
 
 
 def comes_clear(scene: PlanningScene, path: Array) -> bool:
     """Whether path (k, 8), at whose start things may touch, leads away from them, and is free from there on.
 
-    It may go no deeper than DEEPER into any solid than it is at the start, and from the first configuration in which
-    nothing touches it is free. Furniture may be touched until then: what lay on the table leaves it.
+    It may go no deeper into any solid, by more than DEEPER, than it was before, and from the first configuration in
+    which nothing touches it is free. Furniture may be touched until then: what lay on the table leaves it.
     """
     steps = np.ceil(np.abs(np.diff(path, axis=0)).max(1) / DENSE).astype(int).clip(1)
     dense = np.concatenate(
@@ -145,14 +145,15 @@ def comes_clear(scene: PlanningScene, path: Array) -> bool:
         return False
     if free[0]:
         return True
-    solids = {name: DEEPER.get(name, DEEPER[""]) for name in scene.names}
-    at_first = {body: depth for _, body, depth in reversed(scene.depths(path[0]))}
-    return all(
-        depth <= at_first.get(body, -np.inf) + solids[body]
-        for q in dense[: free.argmax()]
-        for _, body, depth in scene.depths(q)
-        if body in solids
-    )
+    slack = {name: DEEPER.get(name, DEEPER[""]) for name in scene.names}
+    away = -max(scene.checker.GetLargestPadding(), 0.0)  # what is farther off is not told
+    least = dict.fromkeys(scene.names, np.inf)
+    for q in dense[: free.argmax()]:
+        depths = {body: depth for _, body, depth in reversed(scene.depths(q)) if body in slack}
+        if any(depth > least[body] + slack[body] for body, depth in depths.items()):
+            return False
+        least = {body: min(least[body], depths.get(body, away)) for body in least}
+    return True
 
 
 def first_free(along: PlanningScene, paths: Array, at_end: PlanningScene) -> Array | None:

@@ -11,7 +11,7 @@ from shapes import CONFIG, columns, write_model
 
 from sum_drake.geometry import apply, rotation_from_vector, transform
 from sum_drake.grasp_ranking import CAUSES, RankedGrasps, hand_clearances, lowest_point, rank_grasps
-from sum_drake.grasping import grasp_candidates, half_turn
+from sum_drake.grasping import GraspConfig, grasp_candidates, half_turn
 from sum_drake.objects import ObjectModel
 from sum_drake.robot import HAND
 from sum_drake.types import Array, Grasp, PoseBelief
@@ -38,6 +38,7 @@ def _rank(
     points_W: Array = NOTHING,
     spread: float = 0.0,
     owners: list[str] | None = None,
+    config: GraspConfig = CONFIG,
 ) -> RankedGrasps:
     X_WOs = np.tile(X_WO, (50, 1, 1))
     X_WOs[:, :3, 3] += np.random.default_rng(0).normal(0, spread, (50, 3))
@@ -48,7 +49,7 @@ def _rank(
         belief=PoseBelief(X_WOs, np.full(50, 0.02)),
         points_W=points_W,
         table_height=TABLE,
-        config=CONFIG,
+        config=config,
         owners=owners,
     )
 
@@ -126,7 +127,10 @@ def test_neighbours_and_doubt_cost_grasps_and_say_so(models: dict[str, ObjectMod
     assert dict(doubtful.rejected_by)["belief_too_wide"] > 0
     assert doubtful.scores[:1].sum() < free.scores[0]
     candidates = grasp_candidates(carton, config=CONFIG, seed=0)
-    assert sum(count for _, count in beside.rejected_by) + len(beside.grasps) <= len(candidates)
+    for ranked in (free, beside, doubtful):
+        assert sum(count for _, count in ranked.rejected_by) + len(ranked.grasps) == len(candidates), "each is told of"
+    few = _rank(carton, X_WO, spread=0.05, config=dataclasses.replace(CONFIG, tried=5))
+    assert dict(few.rejected_by)["belief_too_wide"] > 5, "where the best do not hold, the next best are tried"
 
 
 def test_what_is_in_the_way_is_named_where_it_is_known(models: dict[str, ObjectModel]) -> None:

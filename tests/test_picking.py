@@ -158,6 +158,24 @@ def test_what_can_only_be_let_go_from_high_above_is(scene):
     assert hulls[:, 2].min() - BIN.floor_height == pytest.approx(0.33, abs=1e-6)
 
 
+def test_what_does_not_fit_into_its_region_is_not_brought_there(scene):
+    tight = Region("bin", BIN.p_W, np.array([0.04, 0.04, 0.18]))
+    refused = plan(scene, region=tight)
+    assert isinstance(refused, Infeasible) and refused.reason == "no_place"
+
+
+def test_from_an_uncertain_neighbour_the_arm_keeps_farther_away(scene):
+    neighbour = (CATALOGUE["tea"], standing("tea", 0.6, 0.25))
+    for margin in (0.0, 0.02):
+        made = plan(scene, obstacles=[neighbour], margins=[margin])
+        assert isinstance(made, PickPlan)
+        judge = scene.with_solids((solid_of(*neighbour),)).padded(
+            furniture=0.0, solids=PickConfig().solid_padding + margin - 0.001
+        )
+        way = made.pick.segments[0].trajectory
+        assert judge.with_gap(0.1).free_many(timing.sample(way, 0.004)).all(), margin
+
+
 def test_the_hand_lets_go_surely_and_straight_back(scene):
     # Half open for the approach, as where the object is narrow: it may sit in the hand wider than was believed.
     narrow = dataclasses.replace(from_above("soup_can", standing("soup_can", 0.6, 0.05)), gaps=np.full(4, 0.07))
