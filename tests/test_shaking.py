@@ -1,0 +1,137 @@
+"""The way of an arm that goes to get rid of what hangs on its hand: as a plan, and as physics has it."""
+
+import itertools
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import LoadModelDirectives
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from test_picking import ARM, BIN, plan
+
+from sum_drake import timing
+from sum_drake.action_model import HANGS
+from sum_drake.assets import MODELS
+from sum_drake.dynamics import ArmDynamics
+from sum_drake.geometry import transform
+from sum_drake.pick_config import PickConfig
+from sum_drake.picking import PickPlan
+from sum_drake.planning_scene import PlanningScene
+from sum_drake.robot import HAND, VIEW, arm_positions
+from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
+from sum_drake.shaking import GAPS, HEIGHTS, SHAKES, plan_shaking
+from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.ports import abstract
+from sum_drake.systems.station import default_plant_config, make_station, object_bodies, set_home
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return PlanningScene()
+
+
+@pytest.fixture(scope="module")
+def made(scene):
+    answer = plan(scene)
+    assert isinstance(answer, PickPlan)
+    return answer
+
+
+def shake(scene, made, times=0, **more):
+    q_now = made.place.segments[-1].trajectory.positions[-1]
+    return plan_shaking(
+        arm=ARM, scene=scene, plan=made, q_now=q_now, motion_id=9, times=times, seed=1, config=PickConfig(), **more
+    )
+
+
+@pytest.mark.parametrize("times", range(SHAKES))
+def test_it_goes_to_the_place_rolls_the_hand_that_points_down_and_comes_back(scene, made, times):
+    motion = shake(scene, made, times)
+    assert (motion.id, motion.load) == (9, None)
+    assert [segment.name for segment in motion.segments] == ["shake", "shake", "open", "return"]
+    there, rolling, opening, back = motion.segments
+    assert (there.gap, rolling.gap, opening.gap, back.gap) == (HAND.gap_max, GAPS[times], HAND.gap_max, HAND.gap_max)
+    np.testing.assert_array_equal(back.trajectory.positions, there.trajectory.positions[::-1])
+    for before, after in itertools.pairwise(motion.segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    X_WGs = ARM.forward_many(timing.sample(rolling.trajectory, 0.05))
+    over = X_WGs[:, :3, 3] - made.X_WG_place[:3, 3]
+    assert any(np.allclose(over, [0.0, 0.0, height], atol=1e-4) for height in HEIGHTS)
+    np.testing.assert_allclose(X_WGs[:, :3, 0], np.tile([0.0, 0.0, -1.0], (len(X_WGs), 1)), atol=1e-5)
+    assert np.ptp(timing.sample(rolling.trajectory, 0.05)[:, 7]) > 1.9
+    for segment in motion.segments:
+        assert scene.with_gap(segment.gap).free_many(timing.sample(segment.trajectory, 0.01)).all()
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+
+
+def test_where_there_is_no_way_it_is_said_why(scene, made):
+    full = made.X_WG_place[:3, 3] + np.mgrid[-6:7, -6:7, 0:25].reshape(3, -1).T / 80
+    with pytest.raises(RuntimeError, match=r"no free way to shake off .*: no way to hold the hand there"):
+        shake(scene, made, points_W=full)
+
+
+RING_MASS = 0.06
+"""Of the catalogue's lightest object."""
+
+
+def write_ring(path):
+    """An SDF file of a square ring around z, wide enough for a finger."""
+    bars = [(0.025, 0.0, 0.01, 0.06), (-0.025, 0.0, 0.01, 0.06), (0.0, 0.025, 0.04, 0.01), (0.0, -0.025, 0.04, 0.01)]
+    shapes = "".join(
+        f"""<collision name="c{i}"><pose>{x} {y} 0 0 0 0</pose><geometry><box><size>{a} {b} .01</size></box></geometry>
+        <drake:proximity_properties><drake:compliant_hydroelastic/>
+        <drake:hydroelastic_modulus>1e7</drake:hydroelastic_modulus><drake:mu_static>.6</drake:mu_static>
+        <drake:mu_dynamic>.6</drake:mu_dynamic></drake:proximity_properties></collision>"""
+        for i, (x, y, a, b) in enumerate(bars)
+    )
+    inertia = RING_MASS * 0.03**2
+    path.write_text(
+        f"""<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="ring"><link name="body"><inertial>
+        <mass>{RING_MASS}</mass><inertia><ixx>{inertia}</ixx><iyy>{inertia}</iyy><izz>{2 * inertia}</izz></inertia>
+        </inertial>{shapes}</link></model></sdf>"""
+    )
+    return str(path)
+
+
+def test_a_ring_on_a_finger_is_felt_and_comes_off_over_the_place(scene, made, tmp_path):
+    # At the viewing pose the fingers point up, like pegs: the ring is around one of them, just above the palm.
+    p_WR = (ARM.forward(VIEW) @ np.array([-0.02, HAND.gap_max / 2 + HAND.pad_thickness / 2, 0.0, 1.0]))[:3]
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem(
+        "station",
+        make_station(
+            plant_config=default_plant_config(),
+            directives=LoadModelDirectives(str(MODELS / "scenes" / "sorting.dmd.yaml")).directives,
+            camera=HeadCameraConfig(),
+            noise=DepthNoiseConfig(),
+            objects={"ring": (write_ring(tmp_path / "ring.sdf"), transform(np.eye(3), p_WR))},
+            seed=0,
+        ),
+    )
+    controller = builder.AddNamedSystem("arm_controller", ArmController())
+    for port, of in (("fetch.state", "robot_state"), ("fetch.effort", "effort")):
+        builder.Connect(station.GetOutputPort(port), controller.GetInputPort(of))
+    builder.Connect(controller.GetOutputPort("desired_state"), station.GetInputPort("fetch.desired_state"))
+    simulator = Simulator(builder.Build())
+    root = simulator.get_mutable_context()
+    set_home(station, root)
+    of_station, of_controller = (system.GetMyMutableContextFromRoot(root) for system in (station, controller))
+    motion = controller.GetInputPort("motion")
+    motion.FixValue(of_controller, abstract())
+
+    def weight():
+        state, effort = (station.GetOutputPort(f"fetch.{what}").Eval(of_station) for what in ("state", "effort"))
+        return ArmDynamics().hanging(arm_positions(state), effort[:8])
+
+    simulator.AdvanceTo(0.5)
+    assert weight() == pytest.approx(RING_MASS, rel=0.05) and weight() > 2 * HANGS
+    shaking = plan_shaking(
+        arm=ARM, scene=scene, plan=made, q_now=VIEW, motion_id=0, times=0, seed=1, config=PickConfig()
+    )  # fmt: skip
+    motion.FixValue(of_controller, abstract(shaking))
+    simulator.AdvanceTo(0.5 + shaking.duration + 0.5)
+    status = controller.GetOutputPort("motion_status").Eval(of_controller)
+    assert (status.motion, status.done, status.stopped) == (0, True, "")
+    assert abs(weight()) < 0.1 * HANGS
+    X_WB = station.GetOutputPort("truth.body_poses").Eval(of_station)[object_bodies(station)["ring"]]
+    assert BIN.holds(X_WB.translation())
