@@ -1,5 +1,6 @@
 """The way of an arm that goes to get rid of what hangs on its opened hand."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from sum_drake import timing
 from sum_drake.checked_scene import FINE
 from sum_drake.geometry import rotation_from_vector, transform
-from sum_drake.kinematics import Arm
+from sum_drake.kinematics import Arm, nearest_turns
 from sum_drake.motion import NoPath, plan_path
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
@@ -28,6 +29,10 @@ YAWS = np.arange(8) * np.pi / 4
 """Of the hand that points down, radians: the one that is soonest reached is taken."""
 ROLL = 1.0
 """The wrist rolls so far to either side, radians: what slides around a finger slides down it, too."""
+WEIGHING = 0.6
+"""How long the arm rests over the place before it turns the hand, seconds."""
+AT_END = 0.05
+"""How far it may be from where its place ended, radians and metres, to go back from there."""
 DOWN = readonly([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """R_WG of a hand that points down."""
 
@@ -47,33 +52,50 @@ def plan_shaking(
 ) -> Motion:
     """Over to where `plan` let go, the open hand turned down and rolled there, and back to q_now (8,).
 
-    times: how often that was tried before, less than SHAKES. Raises RuntimeError where there is no such way.
+    It goes as it came, backwards, since what hangs on the hand has hung on it all that way; `weigh` is a rest there, in
+    which it can be felt whether it does still. times: how often that was tried before, less than SHAKES. Raises
+    RuntimeError where there is no such way.
     """
     others = [solid_of(other, X) for other, X in obstacles]
     points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
     bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
-    around = padded(bare, config).with_gap(HAND.gap_max)
+    came = plan.place.segments[-1]
+    back = _turned(came.trajectory, q_now)
+    q_there = back.positions[0]
+    around = padded(bare, config).with_gap(came.gap)
+    wide = around.with_gap(HAND.gap_max)
     reason = "no way to hold the hand there"
     for height in HEIGHTS:
         p_WG = plan.X_WG_place[:3, 3] + np.array([0.0, 0.0, height])
         X_WGs = np.array([transform(rotation_from_vector(np.array([0.0, 0.0, yaw])) @ DOWN, p_WG) for yaw in YAWS])
-        qs = np.concatenate(arm.solutions_many(X_WGs, near=q_now, count=4, thorough=False))
-        qs = np.array([q for q in qs if around.path_free(_rolled(q), FINE)])
+        qs = np.concatenate(arm.solutions_many(X_WGs, near=q_there, count=4, thorough=False))
+        qs = np.array([q for q in qs if around.is_free(q) and wide.path_free(_rolled(q), FINE)])
         if not len(qs):
             continue
-        way = plan_path(around, q_now, qs, seed=seed, budget=config.budget)
+        way = plan_path(around, q_there, qs, seed=seed, budget=config.budget)
         if isinstance(way, NoPath):
             reason = f"{way.reason} {way.pairs}"
             continue
-        there, q = timed(around, way.qs, config.speed), way.qs[-1]
+        turning, q = timed(around, way.qs, config.speed), way.qs[-1]
         segments = (
-            Segment("shake", there, HAND.gap_max),
+            Segment("shake", _backwards(back), came.gap),
+            Segment("weigh", timing.rest(q_there, WEIGHING), came.gap),
+            Segment("shake", turning, came.gap),
             Segment("shake", timing.time_path(_rolled(q), speed=config.speed), GAPS[times]),
-            opening(q, HAND.gap_max, config),
-            Segment("return", _backwards(there), HAND.gap_max),
+            opening(q, came.gap, config),
+            Segment("shake", _backwards(turning), came.gap),
+            Segment("return", back, came.gap),
         )
         return Motion(motion_id, segments)
     raise RuntimeError(f"no free way to shake off what hangs on the hand: {reason}")
+
+
+def _turned(trajectory: Trajectory, q_end: Array) -> Trajectory:
+    """A trajectory to q_end (8,), give or take full turns of joints that turn without end, without these."""
+    ends = nearest_turns(trajectory.positions[-1], q_end)
+    if np.abs(ends - q_end).max() > AT_END:
+        raise RuntimeError("no free way to shake off what hangs on the hand: the arm is not where the place ended")
+    return dataclasses.replace(trajectory, positions=readonly(trajectory.positions + ends - trajectory.positions[-1]))
 
 
 def _rolled(q: Array) -> Array:

@@ -267,7 +267,7 @@ class Segment(Immutable):
     """A trajectory of the arm together with the opening the fingers are driven to while it runs."""
 
     name: str
-    """approach, reach, close, lift, transport, lower, open, retreat, return or shake."""
+    """approach, reach, close, lift, transport, lower, open, retreat, return, shake or weigh."""
     trajectory: Trajectory
     gap: float
     """Commanded distance between the fingers, metres."""

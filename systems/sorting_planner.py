@@ -68,6 +68,8 @@ class _Sorting(Immutable):
     """Ways back begun since then."""
     shakes: int = 0
     """Times that it went to shake off what hung on the hand."""
+    hung_there: bool = False
+    """Whether that was still on the hand over the place."""
     hangs: bool | None = None
     """Whether something hangs on it still; None: not weighed."""
     action: PickPlace | None = None
@@ -98,7 +100,7 @@ class SortingPlanner(LeafSystem):
     opened hand, and whether the controller broke a motion off for what it felt. The arm then goes back to where it
     looks from, and looks again; with an object in its hand it first tries, once, to go on by another way. What hangs on
     the hand after it was opened at the place is no object placed: the arm goes to shake it off there, SHAKES times at
-    most.
+    most; where it was gone before it got there, it was lost on the way.
     """
 
     def __init__(
@@ -243,8 +245,9 @@ class SortingPlanner(LeafSystem):
         """
         if context.get_time() - held.since < self._settle_time:
             return held
-        efforts = self._effort.Eval(context)[: len(ARM_JOINTS)]
-        held = dataclasses.replace(held, hangs=self._dynamics.hanging(self._arm(context), efforts) > HANGS)
+        held = dataclasses.replace(held, hangs=self._hangs(context))
+        if not held.hangs and held.shakes and not held.hung_there:
+            held = dataclasses.replace(held, at_place=Feel())
         if held.hangs and held.shakes < SHAKES:
             assert held.pick is not None and held.motion is not None
             try:
@@ -254,13 +257,16 @@ class SortingPlanner(LeafSystem):
             except RuntimeError:  # then it goes on with what there is on its hand
                 pass
             else:
-                return dataclasses.replace(held, phase="shake", motion=motion, shakes=held.shakes + 1)
+                return dataclasses.replace(held, phase="shake", motion=motion, shakes=held.shakes + 1, hung_there=False)
         return dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
 
     def _follow_shake(self, context: Context, held: _Sorting) -> _Sorting:
-        if not self._done(context, held):
-            return held
+        """Feels whether it still hangs there once the arm rests over the place."""
         status: MotionStatus = self._status.Eval(context)
+        if not self._done(context, held):
+            if held.motion is None or status.motion != held.motion.id or status.segment != "weigh":
+                return held
+            return dataclasses.replace(held, hung_there=self._hangs(context))
         return self._go_back(context, held) if status.stopped else dataclasses.replace(held, phase="weigh")
 
     def _go_back(self, context: Context, held: _Sorting) -> _Sorting:
@@ -326,6 +332,11 @@ class SortingPlanner(LeafSystem):
 
     def _feel(self, context: Context) -> Feel:
         return Feel(finger_gap(self._robot_state.Eval(context)), squeeze(self._effort.Eval(context)))
+
+    def _hangs(self, context: Context) -> bool:
+        """Whether something weighs on the hand of an arm at rest."""
+        efforts = self._effort.Eval(context)[: len(ARM_JOINTS)]
+        return self._dynamics.hanging(self._arm(context), efforts) > HANGS
 
     def _arm(self, context: Context) -> Array:
         return arm_positions(self._robot_state.Eval(context))

@@ -333,11 +333,14 @@ def test_what_hangs_on_the_hand_is_shaken_off_where_it_was_to_go():
     assert (bench.shaken, bench.out("motion").id, bench.out("attempts")) == ([(5, 0)], 2, ())
     assert bench.out("observe")[0] == 1, "it does not look with that on its hand"
     bench.run("shake")
+    bench.run("weigh")
+    bench.run("shake")
     bench.hand(0.1)
     bench.finish()
     bench.rest()
     (attempt,) = bench.out("attempts")
-    assert (attempt.reason, attempt.action.released, attempt.action.hangs) == ("executed", True, False)
+    action = attempt.action
+    assert (attempt.reason, action.released, action.hangs, action.held_place) == ("executed", True, False, True)
     bench.look(1)
     assert (bench.out("outcome"), len(bench.shaken)) == ("cleared", 1)
 
@@ -364,6 +367,7 @@ def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again()
     bench.hand(0.1, hanging=0.3)
     bench.finish()
     bench.rest()
+    bench.run("weigh")
     bench.run("shake")
     bench.finish("unexpected_effort")
     assert (bench.out("motion").id, bench.out("attempts")) == (3, ())
@@ -372,6 +376,24 @@ def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again()
     bench.rest()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.hangs) == ("executed", False)
+
+
+def test_what_falls_off_the_hand_before_it_is_over_the_place_was_lost_on_the_way():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish()
+    bench.rest()
+    bench.run("shake")
+    bench.hand(0.1)
+    bench.run("weigh")
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert (attempt.reason, action.hangs, action.held_lift, action.held_place) == (
+        "lost_in_transport", False, True, False,
+    )  # fmt: skip
 
 
 def test_what_hangs_is_told_although_the_arm_was_stopped_after_the_release():

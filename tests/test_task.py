@@ -270,12 +270,15 @@ def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_
 
 @pytest.mark.parametrize("times", range(SHAKES))
 def test_what_hangs_on_the_hand_is_shaken_off_over_where_it_was_to_be(can_seen, pick, times):
-    motion = make_task().shake(can_seen, pick, VIEW, 7, times)
+    q_now = pick.plan.place.segments[-1].trajectory.positions[-1]
+    motion = make_task().shake(can_seen, pick, q_now, 7, times)
     assert motion.id == 7
-    assert [segment.name for segment in motion.segments] == ["shake", "shake", "open", "return"]
+    assert [segment.name for segment in motion.segments] == [
+        "shake", "weigh", "shake", "shake", "open", "shake", "return",
+    ]  # fmt: skip
     for q in (motion.segments[0].trajectory.positions[0], motion.segments[-1].trajectory.positions[-1]):
-        np.testing.assert_allclose(q, VIEW)
-    off = ARM.forward(motion.segments[2].trajectory.positions[0])[:3, 3] - pick.plan.X_WG_place[:3, 3]
+        np.testing.assert_allclose(q, q_now)
+    off = ARM.forward(motion.segments[4].trajectory.positions[0])[:3, 3] - pick.plan.X_WG_place[:3, 3]
     np.testing.assert_allclose(off[:2], 0.0, atol=1e-6)
 
 
