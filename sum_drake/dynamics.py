@@ -41,6 +41,16 @@ class ArmDynamics(Immutable):
             efforts = efforts + mass * J.T @ (J @ full[2] - GRAVITY)
         return np.asarray(efforts[model.order])
 
+    def hanging(self, q: Array, efforts: Array) -> float:
+        """Mass that hangs on the hand of an arm at rest, kilograms; less than nothing where the hand is pushed upwards.
+
+        By least squares, from measured efforts (8,) of ARM_JOINTS at q (8,). Each drive's counts as a share of what it
+        can give, as its error does; a thing that hangs pulls where it hangs, wherever its own middle is.
+        """
+        limit = np.array([joint.effort for joint in ARM_JOINTS])
+        of_one_kilogram = self.efforts(q, np.zeros(len(q)), np.zeros(len(q)), 1.0) / limit
+        return float(of_one_kilogram @ (efforts / limit) / (of_one_kilogram @ of_one_kilogram))
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Model:

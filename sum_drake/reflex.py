@@ -22,7 +22,7 @@ CAUSES = {
     "empty_hand": "the hand held nothing any more",
 }
 """Why a motion is broken off."""
-WATCHED = ("approach", "reach", "lift", "transport", "lower", "retreat", "return")
+WATCHED = ("approach", "reach", "lift", "transport", "lower", "retreat", "return", "shake")
 """Segments in which the arm moves."""
 CARRYING = ("lift", "transport", "lower")
 """Segments in which the hand is to hold something."""

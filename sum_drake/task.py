@@ -27,6 +27,7 @@ from sum_drake.planning_scene import PlanningScene
 from sum_drake.prospects import POLICIES, Prospect, surest, why
 from sum_drake.resting import outside
 from sum_drake.retreat import plan_retreat
+from sum_drake.shaking import plan_shaking
 from sum_drake.standing import EXPLAINED, distances, not_of, owners, standing_points, table_shown, thin
 from sum_drake.types import LEAVE, Array, Attempt, Immutable, Motion, Perception, Region, Track
 
@@ -382,7 +383,8 @@ class SortingTask:
 
     def _fill(self, region: str, attempts: Sequence[Attempt]) -> float:
         """How high a bin must be taken to be filled: nobody looks into it."""
-        placed = sum(a.action is not None and a.action.released and a.region == region for a in attempts)
+        actions = [a.action for a in attempts if a.action is not None and a.region == region]
+        placed = sum(action.released and not action.hangs for action in actions)
         return min(placed * self._config.fill_per_object, self._config.fill_max)
 
     def retreat(self, perception: Perception, q: Array, motion: int) -> Motion:
@@ -425,6 +427,27 @@ class SortingTask:
             model=model,
             q_now=q,
             motion_id=motion,
+            seed=int(np.random.SeedSequence([self._seed, motion]).generate_state(1)[0]),
+            config=self._pick_config,
+            obstacles=[(self._catalogue[t.label], t.X_WO) for t in others],
+            points_W=thin(points_W, self._config.max_obstacle_points),
+        )
+
+    def shake(self, perception: Perception, pick: Pick, q: Array, motion: int, times: int) -> Motion:
+        """From where the arm is, (8,), with the object of `pick` on its opened hand, to where it was to be, and back.
+
+        times: how often that was tried before. Raises RuntimeError where there is no free way.
+        """
+        points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
+        points_W = not_of(points_W, self._catalogue[pick.track.label], pick.track.X_WO)
+        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
+        return plan_shaking(
+            arm=self._arm,
+            scene=self._scene,
+            plan=pick.plan,
+            q_now=q,
+            motion_id=motion,
+            times=times,
             seed=int(np.random.SeedSequence([self._seed, motion]).generate_state(1)[0]),
             config=self._pick_config,
             obstacles=[(self._catalogue[t.label], t.X_WO) for t in others],

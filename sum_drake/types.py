@@ -219,6 +219,8 @@ class PickPlace(Immutable):
     """Whether the robot took that for an object in its hand; None: not told."""
     held_place: bool | None = None
     """The same just before the release."""
+    hangs: bool | None = None
+    """Whether, with the arm back at the viewing pose, something weighed on the opened hand; None: not weighed."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -265,7 +267,7 @@ class Segment(Immutable):
     """A trajectory of the arm together with the opening the fingers are driven to while it runs."""
 
     name: str
-    """approach, reach, close, lift, transport, lower, open, retreat or return."""
+    """approach, reach, close, lift, transport, lower, open, retreat, return, shake or weigh."""
     trajectory: Trajectory
     gap: float
     """Commanded distance between the fingers, metres."""

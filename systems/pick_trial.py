@@ -46,13 +46,14 @@ def run_picks(
     decide: Callable[[Poses, tuple[Attempt, ...], Array], Pick | Look | Stop],
     retreat: Callable[[Poses, Array, int], Motion],
     carry_on: Callable[[Poses, Pick, Array, int], Motion],
+    shake: Callable[[Poses, Pick, Array, int, int], Motion],
     duration: float = 120.0,
 ) -> PickTrial:
     """Does what `decide` says until that is to stop, or `duration` seconds of simulated time are over.
 
     X_WOs: of what is on the table. decide: given the true poses, the attempts so far and the arm's positions (8,).
-    retreat, carry_on: as of `SortingTask`, but given the true poses at the last decision. A simulation that fails ends
-    the trial, and its outcome says so.
+    retreat, carry_on, shake: as of `SortingTask`, but given the true poses at the last decision. A simulation that
+    fails ends the trial, and its outcome says so.
     """
     told: dict[int, Poses] = {}
     builder = DiagramBuilder()
@@ -73,6 +74,7 @@ def run_picks(
             decide=lambda perception, attempts, looks, q: decide(told[perception.step], tuple(attempts), q),
             retreat=lambda perception, q, motion: retreat(told[perception.step], q, motion),
             carry_on=lambda perception, pick, q, motion: carry_on(told[perception.step], pick, q, motion),
+            shake=lambda perception, pick, q, motion, times: shake(told[perception.step], pick, q, motion, times),
             period=POLL,
             settle_time=SETTLE,
         ),

@@ -38,7 +38,7 @@ from sum_drake.systems.run_log import RunLog
 from sum_drake.systems.scenario import Scenario
 from sum_drake.systems.scene_estimator import SceneEstimator, UpdateBelief
 from sum_drake.systems.simulated_detector import SimulatedDetector
-from sum_drake.systems.sorting_planner import CarryOn, Decide, Retreat, SortingPlanner
+from sum_drake.systems.sorting_planner import CarryOn, Decide, Retreat, Shake, SortingPlanner
 from sum_drake.systems.station import make_station, object_bodies, object_render_labels
 from sum_drake.task import Look, Pick, SortingTask, Stop
 from sum_drake.types import (
@@ -86,8 +86,8 @@ def bind_perception(
     return update
 
 
-def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat, CarryOn]:
-    """The task's decisions, the way back after a failed pick and the way on after a stop.
+def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[Decide, Retreat, CarryOn, Shake]:
+    """The task's decisions, the ways back after a failed pick and on after a stop, and how to shake something off.
 
     On the robot's own model of itself and the table.
     """
@@ -116,7 +116,11 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         with costs.of("planning"):
             return task.carry_on(perception, pick, q, motion)
 
-    return decide, retreat, carry_on
+    def shake(perception: Perception, pick: Pick, q: Array, motion: int, times: int) -> Motion:
+        with costs.of("planning"):
+            return task.shake(perception, pick, q, motion, times)
+
+    return decide, retreat, carry_on, shake
 
 
 def check_detector(scenario: Scenario, catalogue: Catalogue) -> None:
@@ -235,10 +239,10 @@ def make_sorting(
     )
     update = bind_perception(scenario, catalogue, costs, pose_estimator)
     estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
-    decide, retreat, carry_on = bind_task(scenario, catalogue, costs)
+    decide, retreat, carry_on, shake = bind_task(scenario, catalogue, costs)
     planner = builder.AddNamedSystem(
         "sorting_planner",
-        SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, period=POLL, settle_time=SETTLE),
+        SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, shake=shake, period=POLL, settle_time=SETTLE),
     )
     controller = builder.AddNamedSystem("arm_controller", ArmController())
     plant = station.GetSubsystemByName("plant")

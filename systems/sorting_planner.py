@@ -6,10 +6,12 @@ from collections.abc import Callable, Sequence
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
-from sum_drake.action_model import holds
+from sum_drake.action_model import HANGS, holds
+from sum_drake.dynamics import ArmDynamics
 from sum_drake.picking import PickPlan
 from sum_drake.reflex import CARRYING
-from sum_drake.robot import JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
+from sum_drake.robot import ARM_JOINTS, JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
+from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Perception, PickPlace
@@ -20,6 +22,8 @@ Retreat = Callable[[Perception, Array, int], Motion]
 """`task.SortingTask.retreat`."""
 CarryOn = Callable[[Perception, Pick, Array, int], Motion]
 """`task.SortingTask.carry_on`."""
+Shake = Callable[[Perception, Pick, Array, int, int], Motion]
+"""`task.SortingTask.shake`."""
 RETREATS = 3
 """Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
@@ -43,7 +47,7 @@ class _Sorting(Immutable):
     """Where the planner is in its loop."""
 
     phase: str = "settle"
-    """settle, look, pick, place, retreat, done."""
+    """settle, look, pick, place, retreat, weigh, shake, done."""
     since: float = 0.0
     """When the phase began, seconds."""
     observations: int = 0
@@ -62,6 +66,12 @@ class _Sorting(Immutable):
     """Whether it was stopped with the object in its hand, and went on from there."""
     retreats: int = 0
     """Ways back begun since then."""
+    shakes: int = 0
+    """Times that it went to shake off what hung on the hand."""
+    hung_there: bool = False
+    """Whether that was still on the hand over the place."""
+    hangs: bool | None = None
+    """Whether something hangs on it still; None: not weighed."""
     action: PickPlace | None = None
     attempts: tuple[Attempt, ...] = ()
     outcome: str = ""
@@ -86,16 +96,26 @@ class SortingPlanner(LeafSystem):
         - outcome
 
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
-    attempt is its own commands, the gap between its fingers with the force that closes them, and whether the controller
-    broke a motion off for what it felt. The arm then goes back to where it looks from, and looks again; with an object
-    in its hand it first tries, once, to go on by another way.
+    attempt is its own commands, the gap between its fingers with the force that closes them, what then weighs on the
+    opened hand, and whether the controller broke a motion off for what it felt. The arm then goes back to where it
+    looks from, and looks again; with an object in its hand it first tries, once, to go on by another way. What hangs on
+    the hand after it was opened at the place is no object placed: the arm goes to shake it off there, SHAKES times at
+    most; where it was gone before it got there, it was lost on the way.
     """
 
     def __init__(
-        self, *, decide: Decide, retreat: Retreat, carry_on: CarryOn, period: float, settle_time: float
+        self,
+        *,
+        decide: Decide,
+        retreat: Retreat,
+        carry_on: CarryOn,
+        shake: Shake,
+        period: float,
+        settle_time: float,
     ) -> None:
         super().__init__()
-        self._decide, self._retreat, self._carry_on = decide, retreat, carry_on
+        self._decide, self._retreat, self._carry_on, self._shake = decide, retreat, carry_on, shake
+        self._dynamics = ArmDynamics()
         self._settle_time = settle_time
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
@@ -134,6 +154,8 @@ class SortingPlanner(LeafSystem):
             "pick": self._follow_pick,
             "place": self._follow_place,
             "retreat": self._follow_retreat,
+            "weigh": self._weigh,
+            "shake": self._follow_shake,
         }
         if held.phase not in steps:
             return EventStatus.DidNothing()
@@ -167,7 +189,7 @@ class SortingPlanner(LeafSystem):
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=2.0**pushed)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", carried_on=False, retreats=0,
+            released=False, stopped="", carried_on=False, retreats=0, shakes=0, hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -184,7 +206,7 @@ class SortingPlanner(LeafSystem):
         return dataclasses.replace(held, phase="place", motion=motion)
 
     def _follow_place(self, context: Context, held: _Sorting) -> _Sorting:
-        """Feels the hand until it opens; afterwards the attempt is history."""
+        """Feels the hand until it opens; once the arm is back, what weighs on it."""
         status: MotionStatus = self._status.Eval(context)
         if not self._done(context, held):
             if held.motion is None or status.motion != held.motion.id or status.stopped:
@@ -193,7 +215,7 @@ class SortingPlanner(LeafSystem):
                 return dataclasses.replace(held, at_place=self._feel(context))
             return held if held.released else dataclasses.replace(held, released=True)
         if not status.stopped:
-            return self._record(dataclasses.replace(held, released=True))
+            return dataclasses.replace(held, phase="weigh", released=True)
         if not held.released:
             held = dataclasses.replace(held, at_place=self._feel_after(context, status))
             assert held.pick is not None and held.motion is not None
@@ -212,7 +234,40 @@ class SortingPlanner(LeafSystem):
         if not self._done(context, held):
             return held
         status: MotionStatus = self._status.Eval(context)
-        return self._go_back(context, held) if status.stopped else self._record(held)
+        if status.stopped:
+            return self._go_back(context, held)
+        return dataclasses.replace(held, phase="weigh") if held.released else self._record(held)
+
+    def _weigh(self, context: Context, held: _Sorting) -> _Sorting:
+        """Once the arm has come to rest: if nothing hangs on the hand, or that cannot be helped, the attempt is over.
+
+        The observation follows at once, as everything has settled meanwhile.
+        """
+        if context.get_time() - held.since < self._settle_time:
+            return held
+        held = dataclasses.replace(held, hangs=self._hangs(context))
+        if not held.hangs and held.shakes and not held.hung_there:
+            held = dataclasses.replace(held, at_place=Feel())
+        if held.hangs and held.shakes < SHAKES:
+            assert held.pick is not None and held.motion is not None
+            try:
+                motion = self._shake(
+                    self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1, held.shakes
+                )
+            except RuntimeError:  # then it goes on with what there is on its hand
+                pass
+            else:
+                return dataclasses.replace(held, phase="shake", motion=motion, shakes=held.shakes + 1, hung_there=False)
+        return dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
+
+    def _follow_shake(self, context: Context, held: _Sorting) -> _Sorting:
+        """Feels whether it still hangs there once the arm rests over the place."""
+        status: MotionStatus = self._status.Eval(context)
+        if not self._done(context, held):
+            if held.motion is None or status.motion != held.motion.id or status.segment != "weigh":
+                return held
+            return dataclasses.replace(held, hung_there=self._hangs(context))
+        return self._go_back(context, held) if status.stopped else dataclasses.replace(held, phase="weigh")
 
     def _go_back(self, context: Context, held: _Sorting) -> _Sorting:
         """Sets out for the viewing pose with an open hand; the run is over where there is no way."""
@@ -255,8 +310,11 @@ class SortingPlanner(LeafSystem):
             squeeze_place=held.at_place.squeeze,
             held_lift=held.at_lift.holds(plan.grasp.width),
             held_place=held.at_place.holds(plan.grasp.width),
+            hangs=held.hangs,
         )
-        if held.stopped not in ("", "empty_hand"):
+        if held.hangs:
+            reason = "hangs_on_hand"
+        elif held.stopped not in ("", "empty_hand"):
             reason = held.stopped
         elif held.at_place.holds(plan.grasp.width):
             reason = "executed"
@@ -274,6 +332,11 @@ class SortingPlanner(LeafSystem):
 
     def _feel(self, context: Context) -> Feel:
         return Feel(finger_gap(self._robot_state.Eval(context)), squeeze(self._effort.Eval(context)))
+
+    def _hangs(self, context: Context) -> bool:
+        """Whether something weighs on the hand of an arm at rest."""
+        efforts = self._effort.Eval(context)[: len(ARM_JOINTS)]
+        return self._dynamics.hanging(self._arm(context), efforts) > HANGS
 
     def _arm(self, context: Context) -> Array:
         return arm_positions(self._robot_state.Eval(context))

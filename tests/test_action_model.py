@@ -1,9 +1,11 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sum_drake.action_model import OUTCOMES, judged, predict
+from sum_drake.action_model import OUTCOMES, felt, judged, predict
 from sum_drake.filter_config import FilterConfig, filter_config
 from sum_drake.geometry import rotation_angle, transform
 from sum_drake.presence import UNKNOWN, Presence
@@ -122,13 +124,33 @@ def test_a_look_that_shows_nothing_does_not_say_that_the_object_left() -> None:
     assert OUTCOMES[int(blind.argmax())] == "dropped"
 
 
+def test_what_hangs_on_the_hand_was_not_placed() -> None:
+    done = action("tide")
+    hangs = dataclasses.replace(done, hangs=True)
+    for same in (None, False):
+        assert (felt(dataclasses.replace(done, hangs=same)) == felt(done)).all()
+    assert felt(hangs).sum() == pytest.approx(1.0)
+    assert dict(zip(OUTCOMES, felt(hangs), strict=True))["placed"] < 0.05
+    for far, outcome in ((0.0, "lost"), (0.95, "dropped")):  # until it is found
+        p = judged(hangs, EMPTY, UNKNOWN, near=0.0, far=far)
+        assert OUTCOMES[int(p.argmax())] == outcome
+    n = 4000
+    belief = PoseBelief(np.tile(np.eye(4), (n, 1, 1)), np.full(n, 1 / n))
+    for config, most in ((FilterConfig(), 0.05), (filter_config("paper"), 0.0)):
+        moved = predict(belief, hangs, is_target=True, rng=np.random.default_rng(0), config=config).X_WOs
+        off = np.linalg.norm(moved[:, :3, 3] - done.X_WO_place[:3, 3], axis=1)
+        turned = rotation_angle(moved[:, :3, :3])
+        assert ((off < 0.2) & (turned < 0.5)).mean() <= most
+
+
 shares = st.floats(0, 1)
 looks = st.builds(Presence, st.floats(0, 1e5), shares, shares, shares)
 
 
-@given(looks, looks, shares, shares, st.booleans(), st.floats(0, 0.1), st.floats(0, 0.1))
-def test_outcomes_are_a_distribution_whatever_was_felt_and_seen(there, place, near, far, released, lifted, held):
-    p = judged(action("tide", released=released, lifted=lifted, held=held), there, place, near=near, far=far)
+@given(looks, looks, shares, shares, st.booleans(), st.floats(0, 0.1), st.floats(0, 0.1), st.booleans())
+def test_outcomes_are_a_distribution_whatever_was_felt_and_seen(there, place, near, far, released, lifted, held, hangs):
+    done = action("tide", released=released, lifted=lifted, held=held)
+    p = judged(dataclasses.replace(done, hangs=released and hangs), there, place, near=near, far=far)
     assert np.isfinite(p).all()
     assert (p >= 0).all()
     assert p.sum() == pytest.approx(1.0)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sum_drake.dynamics import ArmDynamics
-from sum_drake.robot import VIEW, limits
+from sum_drake.robot import ARM_JOINTS, VIEW, limits
 
 DYNAMICS = ArmDynamics()
 ZERO = np.zeros(8)
@@ -49,3 +49,32 @@ def test_a_load_weighs_on_the_joints_as_it_rises_with_them(q):
         ahead, behind = (ARM.forward(q + sign * h * np.eye(8)[j])[2, 3] for sign in (1, -1))
         assert efforts[j] == pytest.approx(9.81 * mass * (ahead - behind) / (2 * h), abs=1e-4)
     assert efforts[0] == pytest.approx(9.81 * mass), "the torso bears all of it"
+
+
+masses = st.floats(0.0, 3.0)
+
+
+@settings(deadline=None, max_examples=25)
+@given(shares, masses)
+def test_what_hangs_on_the_hand_is_weighed_by_the_drives(q, mass):
+    q = joints(q)
+    efforts = DYNAMICS.efforts(q, ZERO, ZERO, mass)
+    assert DYNAMICS.hanging(q, efforts) == pytest.approx(mass, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(shares, masses, shares)
+def test_what_no_weight_explains_does_not_weigh(q, mass, more):
+    q, limit = joints(q), np.array([joint.effort for joint in ARM_JOINTS])
+    of_weight = DYNAMICS.efforts(q, ZERO, ZERO, 1.0) / limit
+    across = more - of_weight * (more @ of_weight) / (of_weight @ of_weight)
+    efforts = DYNAMICS.efforts(q, ZERO, ZERO, mass) + limit * across
+    assert DYNAMICS.hanging(q, efforts) == pytest.approx(mass, abs=1e-9)
+
+
+@settings(deadline=None, max_examples=25)
+@given(shares, shares)
+def test_an_error_of_the_drives_weighs_no_more_than_the_best_of_them_would_make_of_it(q, error):
+    q, limit = joints(q), np.array([joint.effort for joint in ARM_JOINTS])
+    of_weight = np.abs(DYNAMICS.efforts(q, ZERO, ZERO, 1.0) / limit).max()
+    assert abs(DYNAMICS.hanging(q, 1e-3 * error * limit)) <= 1e-3 * np.sqrt(8) / of_weight + 1e-12

@@ -19,7 +19,7 @@ def test_it_is_told_the_true_poses_each_time_and_stops_when_it_says_so():
         told.append(X_WOs)
         return Look(()) if len(told) < 3 else Stop("cleared", ())
 
-    trial = run_picks(SCENARIO, CATALOGUE, {"sugar": X_WO}, decide=decide, retreat=None, carry_on=None)
+    trial = run_picks(SCENARIO, CATALOGUE, {"sugar": X_WO}, decide=decide, retreat=None, carry_on=None, shake=None)
     assert trial.outcome == "cleared" and trial.attempts == ()
     assert len(told) == 3 and all(set(X_WOs) == {"sugar"} for X_WOs in told)
     np.testing.assert_allclose(told[-1]["sugar"], X_WO, atol=2e-3)
@@ -38,6 +38,7 @@ def test_what_goes_wrong_while_deciding_ends_the_trial_and_is_told():
         decide=decide,
         retreat=None,
         carry_on=None,
+        shake=None,
     )
     assert trial.outcome == "stopped: failed: RuntimeError: no idea"
     assert trial.truth and trial.use.samples > 0
@@ -45,6 +46,13 @@ def test_what_goes_wrong_while_deciding_ends_the_trial_and_is_told():
 
 def test_time_is_limited():
     trial = run_picks(
-        SCENARIO, CATALOGUE, {}, decide=lambda X_WOs, attempts, q: Look(()), retreat=None, carry_on=None, duration=0.3
-    )  # fmt: skip
+        SCENARIO,
+        CATALOGUE,
+        {},
+        decide=lambda X_WOs, attempts, q: Look(()),
+        retreat=None,
+        carry_on=None,
+        shake=None,
+        duration=0.3,
+    )
     assert trial.outcome == "stopped: 0.3 s of simulated time are over"

@@ -3,8 +3,10 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from test_playback import MOTION
 
+from sum_drake.dynamics import ArmDynamics
 from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
+from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, unpack
 from sum_drake.systems.sorting_planner import Feel, SortingPlanner
 from sum_drake.task import Look, Pick, Stop
@@ -42,8 +44,8 @@ def perception(step):
 class Bench:
     """The planner between ports that the test turns."""
 
-    def __init__(self, *choices, ways_on=0):
-        self.asked = []
+    def __init__(self, *choices, ways_on=0, shakes=True):
+        self.asked, self.shaken = [], []
         choices, ways_on = list(choices), [MOTION.segments] * ways_on
 
         def decide(perception, attempts, looks, q):
@@ -58,9 +60,15 @@ class Bench:
                 raise RuntimeError("no way on")
             return Motion(motion, ways_on.pop(), LOAD)
 
+        def shake(perception, pick, q, motion, times):
+            if not shakes:
+                raise RuntimeError("no way there")
+            self.shaken.append((pick.track.id, times))
+            return Motion(motion, MOTION.segments)
+
         self.planner = SortingPlanner(
-            decide=decide, retreat=retreat, carry_on=carry_on, period=0.1, settle_time=0.5
-        )  # fmt: skip
+            decide=decide, retreat=retreat, carry_on=carry_on, shake=shake, period=0.1, settle_time=0.5
+        )
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()
         self.fix("perception", None)
@@ -70,12 +78,13 @@ class Bench:
     def fix(self, port, value):
         self.planner.GetInputPort(port).FixValue(self.context, abstract(value))
 
-    def hand(self, gap):
+    def hand(self, gap, hanging=0.0):
         state = np.zeros(24)
         state[:8] = VIEW
         state[8:10] = gap / 2
         self.planner.GetInputPort("robot_state").FixValue(self.context, state)
         effort = np.zeros(12)
+        effort[:8] = ArmDynamics().efforts(VIEW, np.zeros(8), np.zeros(8), hanging)
         effort[-2:] = -60.0 if 0.002 < gap < 0.1 else 0.0
         self.planner.GetInputPort("effort").FixValue(self.context, effort)
 
@@ -95,6 +104,18 @@ class Bench:
     def finish(self, stopped=""):
         self.fix("motion_status", MotionStatus(self.out("motion").id, "", True, stopped))
         self.wait()
+
+    def rest(self):
+        """Until the arm has been at rest for so long that what hangs on it is weighed."""
+        self.wait(0.6)
+
+    def carried(self):
+        """An object is picked, and let go at the place."""
+        self.look(0)
+        self.hand(0.04)
+        self.finish()
+        self.run("transport")
+        self.run("open")
 
     def run(self, segment, stopped=""):
         self.fix("motion_status", MotionStatus(self.out("motion").id, segment, False, stopped))
@@ -129,12 +150,14 @@ def test_a_pick_that_holds_goes_on_to_place_and_is_told_with_what_was_felt():
     bench.hand(0.1)
     bench.wait()
     bench.finish()
+    assert bench.out("executed_action") is None, "not before the hand was weighed"
+    bench.rest()
     action = bench.out("executed_action")
     assert (action.track, action.released) == (5, True)
     assert action.gap_lift == pytest.approx(0.038)
     assert action.gap_place == pytest.approx(0.036), "before the hand opened"
     assert (action.squeeze_lift, action.squeeze_place) == (60.0, 60.0)
-    assert (action.held_lift, action.held_place) == (True, True)
+    assert (action.held_lift, action.held_place, action.hangs) == (True, True, False)
     refused, attempt = bench.out("attempts")
     assert refused == REFUSED
     assert (attempt.reason, attempt.region, attempt.grasp_candidates) == ("executed", "bin", 20)
@@ -156,6 +179,7 @@ def test_a_move_is_told_as_one_and_felt_until_it_is_set_down():
     bench.hand(0.1)
     bench.wait()
     bench.finish()
+    bench.rest()
     (attempt,) = bench.out("attempts")
     action = bench.out("executed_action")
     assert (attempt.kind, action.kind, attempt.region, attempt.why) == ("move", "move", "table", "in the way")
@@ -171,7 +195,7 @@ def test_an_empty_hand_gives_up_and_retreats():
     bench.finish()
     (attempt,) = bench.out("attempts")
     assert attempt.reason == "empty_hand"
-    assert not attempt.action.released
+    assert not attempt.action.released and attempt.action.hangs is None
 
 
 def test_an_object_lost_on_the_way_is_felt():
@@ -183,6 +207,7 @@ def test_an_object_lost_on_the_way_is_felt():
     bench.hand(0.0)
     bench.wait()
     bench.finish()
+    bench.rest()
     assert bench.out("attempts")[0].reason == "lost_in_transport"
 
 
@@ -252,7 +277,9 @@ def test_resistance_with_the_object_in_the_hand_is_gone_around_once():
     bench.run("lift")
     bench.run("transport")
     bench.run("open")
+    bench.hand(0.1)
     bench.finish()
+    bench.rest()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("executed", True, True)
 
@@ -274,15 +301,12 @@ def test_an_object_that_cannot_be_carried_on_is_left_behind(ways_on):
 
 def test_resistance_after_the_release_does_not_undo_it():
     bench = Bench(Pick(PLAN, TRACK, "bin", ()))
-    bench.look(0)
-    bench.hand(0.04)
-    bench.finish()
-    bench.run("transport")
-    bench.run("open")
+    bench.carried()
     bench.hand(0.1)
     bench.run("retreat")
     bench.finish("unexpected_effort")
     bench.finish()
+    bench.rest()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.released) == ("unexpected_effort", True)
     assert attempt.action.held_place, "until it let go"
@@ -298,6 +322,90 @@ def test_a_way_back_that_meets_resistance_is_tried_again_with_more_and_then_no_m
         bench.finish("unexpected_effort")
     assert bench.out("outcome") == "stopped: the arm was stopped on 3 ways back to the viewing pose"
     assert [attempt.reason for attempt in bench.out("attempts")] == ["unexpected_effort"]
+
+
+def test_what_hangs_on_the_hand_is_shaken_off_where_it_was_to_go():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish()
+    bench.rest()
+    assert (bench.shaken, bench.out("motion").id, bench.out("attempts")) == ([(5, 0)], 2, ())
+    assert bench.out("observe")[0] == 1, "it does not look with that on its hand"
+    bench.run("shake")
+    bench.run("weigh")
+    bench.run("shake")
+    bench.hand(0.1)
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert (attempt.reason, action.released, action.hangs, action.held_place) == ("executed", True, False, True)
+    bench.look(1)
+    assert (bench.out("outcome"), len(bench.shaken)) == ("cleared", 1)
+
+
+@pytest.mark.parametrize("shakes", [True, False])
+def test_what_stays_on_the_hand_was_not_placed_and_the_loop_goes_on(shakes):
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()), shakes=shakes)
+    bench.carried()
+    bench.hand(0.1, hanging=0.06)
+    for _ in range(1 + SHAKES * shakes):
+        assert bench.out("attempts") == ()
+        bench.finish()
+        bench.rest()
+    assert bench.shaken == ([(5, times) for times in range(SHAKES)] if shakes else [])
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.released, attempt.action.hangs) == ("hangs_on_hand", True, True)
+    bench.look(1)
+    assert bench.out("outcome") == "cleared"
+
+
+def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish()
+    bench.rest()
+    bench.run("weigh")
+    bench.run("shake")
+    bench.finish("unexpected_effort")
+    assert (bench.out("motion").id, bench.out("attempts")) == (3, ())
+    bench.hand(0.1)
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.hangs) == ("executed", False)
+
+
+def test_what_falls_off_the_hand_before_it_is_over_the_place_was_lost_on_the_way():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish()
+    bench.rest()
+    bench.run("shake")
+    bench.hand(0.1)
+    bench.run("weigh")
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert (attempt.reason, action.hangs, action.held_lift, action.held_place) == (
+        "lost_in_transport", False, True, False,
+    )  # fmt: skip
+
+
+def test_what_hangs_is_told_although_the_arm_was_stopped_after_the_release():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), shakes=False)
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.run("return")
+    bench.finish("unexpected_effort")
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.hangs) == ("hangs_on_hand", True)
 
 
 def test_looks_again_when_nothing_can_be_done_and_counts_it():

@@ -14,6 +14,7 @@ from sum_drake.objects import load_catalogue, sample_surface
 from sum_drake.pick_config import PickConfig
 from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.robot import VIEW
+from sum_drake.shaking import SHAKES
 from sum_drake.standing import not_of, thin
 from sum_drake.task import Look, Pick, SortingTask, Stop, TaskConfig, _same_grasp, region_of
 from sum_drake.types import Attempt, Perception, PickPlace, PoseBelief, Region, SceneBelief, Track, readonly
@@ -118,6 +119,9 @@ def test_a_bin_is_taken_to_be_filled_by_what_was_let_go_in_it_up_to_a_limit():
     assert fills == sorted(fills)
     assert fills[-1] == CONFIG.fill_max
     assert task._fill("cleaning_bin", [tried("mug"), tried("tide", region="cleaning_bin", released=False)]) == 0.0
+    hung = tried("tide", region="cleaning_bin")
+    hung = dataclasses.replace(hung, action=dataclasses.replace(hung.action, hangs=True))
+    assert task._fill("cleaning_bin", [hung]) == 0.0, "it hangs on the hand"
 
 
 def test_an_empty_table_is_cleared():
@@ -262,6 +266,20 @@ def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_
     np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
     assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
     np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
+
+
+@pytest.mark.parametrize("times", range(SHAKES))
+def test_what_hangs_on_the_hand_is_shaken_off_over_where_it_was_to_be(can_seen, pick, times):
+    q_now = pick.plan.place.segments[-1].trajectory.positions[-1]
+    motion = make_task().shake(can_seen, pick, q_now, 7, times)
+    assert motion.id == 7
+    assert [segment.name for segment in motion.segments] == [
+        "shake", "weigh", "shake", "shake", "open", "shake", "return",
+    ]  # fmt: skip
+    for q in (motion.segments[0].trajectory.positions[0], motion.segments[-1].trajectory.positions[-1]):
+        np.testing.assert_allclose(q, q_now)
+    off = ARM.forward(motion.segments[4].trajectory.positions[0])[:3, 3] - pick.plan.X_WG_place[:3, 3]
+    np.testing.assert_allclose(off[:2], 0.0, atol=1e-6)
 
 
 def test_a_picture_without_depth_is_no_clear_table():

@@ -21,6 +21,7 @@ from sum_drake.picking import PickPlan, plan_pick_place
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.retreat import plan_retreat
 from sum_drake.seeds import derive
+from sum_drake.shaking import plan_shaking
 from sum_drake.systems.pick_trial import PickTrial, Poses, run_picks
 from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import TruthSample, transport_slip
@@ -83,7 +84,13 @@ def measure_pick(setting: str, seed: int, label: str) -> Picked:
     order = [labels[i] for i in rng.permutation(len(labels))]
     deciding = _Deciding(_robot, order, seed)
     trial = run_picks(
-        scenario, catalogue, X_WOs, decide=deciding.decide, retreat=deciding.retreat, carry_on=deciding.carry_on
+        scenario,
+        catalogue,
+        X_WOs,
+        decide=deciding.decide,
+        retreat=deciding.retreat,
+        carry_on=deciding.carry_on,
+        shake=deciding.shake,
     )
     picked = judge(setting, seed, order, X_WOs, trial, _robot)
     return dataclasses.replace(picked, planning_cpu_s=deciding.cpu_s, cpu_s=time.process_time() - start)
@@ -135,6 +142,20 @@ class _Deciding:
             seed=self.seed,
             config=known.scenario.pick,
             obstacles=[(known.catalogue[other], X) for other, X in X_WOs.items() if other != label],
+        )
+
+    def shake(self, X_WOs: Poses, pick: Pick, q: Array, motion: int, times: int) -> Motion:
+        known = self.robot
+        return plan_shaking(
+            arm=known.arm,
+            scene=known.scene,
+            plan=pick.plan,
+            q_now=q,
+            motion_id=motion,
+            times=times,
+            seed=self.seed,
+            config=known.scenario.pick,
+            obstacles=[(known.catalogue[other], X) for other, X in X_WOs.items() if other != pick.track.label],
         )
 
 
