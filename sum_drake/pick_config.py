@@ -26,8 +26,8 @@ class PickConfig:
     reach_padding: float = 0.002
     """Distance from table and bins during reach, lift and retreat; the object itself and its points do not count."""
     neighbour_paddings: list[float] = dataclasses.field(default_factory=lambda: [0.005, 0.0])
-    """The same from believed neighbours: the first with which there is any way. The arm follows its plan to a few millimetres, and
-    whoever brushes a neighbour is stopped."""
+    """The same from believed neighbours: the first with which there is any way. The arm follows its plan to a few
+    millimetres, and whoever brushes a neighbour is stopped."""
     explained: float = 0.012
     """Depth points this close to a believed object are that object, not obstacles of their own."""
     point_size: float = 0.015

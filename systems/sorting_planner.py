@@ -24,6 +24,10 @@ CarryOn = Callable[[Perception, Pick, Array, int], Motion]
 """`task.SortingTask.carry_on`."""
 Shake = Callable[[Perception, Pick, Array, int, int], Motion]
 """`task.SortingTask.shake`."""
+PUSHING = 2.0
+"""So much more resistance is put up with by picks of an object whose neighbours were met before."""
+CARRY_ONS = 2
+"""Times that the arm goes on by another way after it was stopped with an object in its hand."""
 RETREATS = 3
 """Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
@@ -62,8 +66,8 @@ class _Sorting(Immutable):
     """Whether the hand was opened at the place."""
     stopped: str = ""
     """Why the controller broke the pick or the place off, one of `reflex.CAUSES`."""
-    carried_on: bool = False
-    """Whether it was stopped with the object in its hand, and went on from there."""
+    carry_ons: int = 0
+    """Times that it was stopped with the object in its hand, and went on from there."""
     retreats: int = 0
     """Ways back begun since then."""
     shakes: int = 0
@@ -98,9 +102,9 @@ class SortingPlanner(LeafSystem):
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
     attempt is its own commands, the gap between its fingers with the force that closes them, what then weighs on the
     opened hand, and whether the controller broke a motion off for what it felt. The arm then goes back to where it
-    looks from, and looks again; with an object in its hand it first tries, once, to go on by another way. What hangs on
-    the hand after it was opened at the place is no object placed: the arm goes to shake it off there, SHAKES times at
-    most; where it was gone before it got there, it was lost on the way.
+    looks from, and looks again; with an object in its hand it first tries to go on by another way, CARRY_ONS times.
+    What hangs on the hand after it was opened at the place is no object placed: the arm goes to shake it off there,
+    SHAKES times at most; where it was gone before it got there, it was lost on the way.
     """
 
     def __init__(
@@ -184,12 +188,12 @@ class SortingPlanner(LeafSystem):
             return dataclasses.replace(held, phase="done", attempts=attempts, outcome=choice.outcome)
         if isinstance(choice, Look):
             return dataclasses.replace(held, phase="settle", attempts=attempts, looks=held.looks + 1, action=None)
-        # What was in the hand's way once is met again by another grasp, often: each time it pushes twice as hard.
-        pushed = sum(a.label == choice.track.label and a.reason == "unexpected_effort" for a in held.attempts)
-        motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=2.0**pushed)
+        # What was in the hand's way once is met again by another grasp, often: from then on it pushes harder.
+        pushed = any(a.label == choice.track.label and a.reason == "unexpected_effort" for a in held.attempts)
+        motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", carried_on=False, retreats=0, shakes=0, hangs=None,
+            released=False, stopped="", carry_ons=0, retreats=0, shakes=0, hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -199,8 +203,10 @@ class SortingPlanner(LeafSystem):
         if pick is None or not self._done(context, held):
             return held
         feel = self._feel_after(context, status)
-        held = dataclasses.replace(held, at_lift=feel, at_place=feel, stopped=status.stopped)
-        if status.stopped or not feel.holds(pick.plan.grasp.width):
+        held = dataclasses.replace(held, at_lift=feel, at_place=feel)
+        if status.stopped:
+            return self._go_on_or_back(context, held, status)
+        if not feel.holds(pick.plan.grasp.width):
             return self._go_back(context, held)
         motion = self._numbered(held, pick.plan.place)
         return dataclasses.replace(held, phase="place", motion=motion)
@@ -216,18 +222,23 @@ class SortingPlanner(LeafSystem):
             return held if held.released else dataclasses.replace(held, released=True)
         if not status.stopped:
             return dataclasses.replace(held, phase="weigh", released=True)
-        if not held.released:
-            held = dataclasses.replace(held, at_place=self._feel_after(context, status))
-            assert held.pick is not None and held.motion is not None
-            if held.at_place.holds(held.pick.plan.grasp.width) and not held.carried_on:
-                try:
-                    motion = self._carry_on(
-                        self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1
-                    )
-                except RuntimeError:  # then it goes back without the object
-                    pass
-                else:
-                    return dataclasses.replace(held, motion=motion, carried_on=True)
+        if held.released:
+            return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
+        held = dataclasses.replace(held, at_place=self._feel_after(context, status))
+        return self._go_on_or_back(context, held, status)
+
+    def _go_on_or_back(self, context: Context, held: _Sorting, status: MotionStatus) -> _Sorting:
+        """After a stop: on by another way with what the hand holds, or back without it."""
+        assert held.pick is not None and held.motion is not None
+        if held.at_place.holds(held.pick.plan.grasp.width) and held.carry_ons < CARRY_ONS:
+            try:
+                motion = self._carry_on(
+                    self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1
+                )
+            except RuntimeError:  # then it goes back without the object
+                pass
+            else:
+                return dataclasses.replace(held, phase="place", motion=motion, carry_ons=held.carry_ons + 1)
         return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
 
     def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:

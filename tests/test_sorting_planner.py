@@ -8,7 +8,7 @@ from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
 from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.systems.sorting_planner import Feel, SortingPlanner
+from sum_drake.systems.sorting_planner import CARRY_ONS, Feel, SortingPlanner
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import (
     Attempt,
@@ -284,13 +284,30 @@ def test_resistance_with_the_object_in_the_hand_is_gone_around_once():
     assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("executed", True, True)
 
 
-@pytest.mark.parametrize("ways_on", [0, 1])
+def test_resistance_in_the_lift_is_gone_around_where_the_hand_holds_something():
+    for holds in (True, False):
+        bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=2)
+        bench.look(0)
+        bench.hand(0.04 if holds else 0.0)
+        bench.run("lift")
+        bench.finish("unexpected_effort")
+        assert bench.out("motion").load == (LOAD if holds else None)
+        bench.finish()
+        if holds:
+            bench.rest()
+        (attempt,) = bench.out("attempts")
+        assert (attempt.reason, attempt.action.released) == (
+            ("executed", True) if holds else ("unexpected_effort", False)
+        )
+
+
+@pytest.mark.parametrize("ways_on", [0, 1, 5])
 def test_an_object_that_cannot_be_carried_on_is_left_behind(ways_on):
     bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=ways_on)
     bench.look(0)
     bench.hand(0.04)
     bench.finish()
-    for _ in range(1 + ways_on):
+    for _ in range(1 + min(ways_on, CARRY_ONS)):
         bench.run("transport")
         bench.finish("unexpected_effort")
     assert bench.out("motion").load is None, "a way back"
