@@ -33,6 +33,8 @@ from sum_drake.types import LEAVE, Array, Attempt, Immutable, Motion, Perception
 
 MARGIN_SHARE, MARGIN_MAX = 0.75, 0.02
 """From a neighbour the arm keeps as much more as this share of its belief is away from its estimate, at most metres."""
+NEIGHBOUR_POINTS = 600
+"""On the surface of each believed neighbour, that the hand must not touch."""
 SHOWN = 0.5
 """Share of the table that must be seen with depth before it counts as clear."""
 ROUND = 0.10
@@ -296,6 +298,8 @@ class SortingTask:
 
         def rank() -> RankedGrasps:
             every = grasp_candidates(model, config=self._grasp_config, seed=self._seed)
+            # Of neighbours the camera shows one side; the hand may be between the others.
+            hidden = [(t.label, thin(self._surface(t), NEIGHBOUR_POINTS)) for t in others]
             if len(tried) >= self._config.max_attempts:
                 every = ()
             return rank_grasps(
@@ -303,10 +307,13 @@ class SortingTask:
                 model=model,
                 X_WO=track.X_WO,
                 belief=track.belief,
-                points_W=now.points_W[kept],
+                points_W=np.concatenate([now.points_W[kept], *(points_W for _, points_W in hidden)]),
                 table_height=self._regions["table"].floor_height,
                 config=self._grasp_config,
-                owners=owners(others, [now.off[t.id][kept] for t in others], len(kept)),
+                owners=[
+                    *owners(others, [now.off[t.id][kept] for t in others], len(kept)),
+                    *(label for label, points_W in hidden for _ in points_W),
+                ],
             )
 
         def drag() -> tuple[tuple[str, float], ...]:

@@ -20,7 +20,7 @@ NO_PLAN = dataclasses.replace(LOST, phase="plan", cause="ik", slip_m=None, slip_
 
 def test_no_two_picks_are_of_one_pour():
     tasks = pick_tasks(FULL, CATALOGUE)
-    assert len({seed for _, seed, _ in tasks}) == len(tasks) == 15 * 5 + 75
+    assert len({seed for _, seed, _ in tasks}) == len(tasks) == 15 * 4 + 60
     assert {label for setting, _, label in tasks if setting == "alone"} == set(CATALOGUE.labels)
     others = {seed for _, seed, _ in pick_tasks(FULL, CATALOGUE, seed=1)}
     assert not others & {seed for _, seed, _ in tasks}
@@ -28,7 +28,9 @@ def test_no_two_picks_are_of_one_pour():
 
 
 def test_what_no_hand_could_take_counts_as_failed():
-    clutter = dataclasses.replace(WORKED, setting="clutter", refused=(("tide", "lift"),), knocked_off=("sugar",))
+    clutter = dataclasses.replace(
+        WORKED, setting="clutter", refused=(("tide", "lift"),), knocked_off=("sugar",), pushed_m=0.3
+    )
     hopeless = dataclasses.replace(NO_PLAN, hopeless=True)
     slipping = dataclasses.replace(WORKED, slip_m=0.05, violations=(("position", 0), ("speed", 3), ("effort", 1)))
     found = pick_figures([WORKED, slipping, LOST, NO_PLAN, hopeless, clutter, clutter])
@@ -37,6 +39,7 @@ def test_what_no_hand_could_take_counts_as_failed():
     assert found["pick_success_alone_executed"] == pytest.approx(2 / 3)
     assert found["pick_success_clutter"] == 1.0
     assert (found["clutter_refused"], found["clutter_knocked_off"]) == (0.5, 1.0)
+    assert found["clutter_pushed_median_m"] == pytest.approx(0.3)
     assert found["limit_violations"] == 4
     assert 0.002 < found["slip_p95_m"] < 0.05 and found["slip_from_grasp_p95_m"] == pytest.approx(0.004)
     assert found["hopeless"] == 1

@@ -265,6 +265,7 @@ def judge(setting: str, seed: int, order: Sequence[str], X_WOs: Poses, trial: Pi
         ),
         refused=given_up if executed is not None else given_up[1:],
         knocked_off=knocked_off,
+        pushed_m=max((_moved(X_WOs[k], final[k]) for k in X_WOs if k != label), default=0.0),
         grasp_candidates=0 if told is None else told.grasp_candidates,
         rejected_by=() if told is None else tuple((k, n) for k, n in told.rejected_by if n),
         slip_m=transport_slip(trial.truth, label),
@@ -299,6 +300,10 @@ def failed_phase(truth: Sequence[TruthSample], label: str) -> str:
     held = next(sample for sample in truth if sample.segment == "transport")
     moved = np.linalg.norm(_in_hand(last["transport"], label) - _in_hand(held, label))
     return "transport" if moved > MOVED else "release"
+
+
+def _moved(X_WO: Array, X_WO_after: Array) -> float:
+    return float(np.linalg.norm(X_WO_after[:3, 3] - X_WO[:3, 3]))
 
 
 def _in_hand(sample: TruthSample, label: str) -> Array:

@@ -45,7 +45,7 @@ class Size:
     """Of five objects, from each of which one is taken."""
 
 
-FULL, QUICK = Size(objects=15, poses=5, tables=75), Size(objects=2, poses=1, tables=1)
+FULL, QUICK = Size(objects=15, poses=4, tables=60), Size(objects=2, poses=1, tables=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +70,8 @@ class Picked:
     """Objects that the robot would have taken before it, and why there was no plan."""
     knocked_off: tuple[str, ...] = ()
     """Other objects that left the table."""
+    pushed_m: float = 0.0
+    """How far the other object that moved most was moved."""
     grasp_candidates: int = 0
     rejected_by: tuple[tuple[str, int], ...] = ()
     slip_m: float | None = None
@@ -119,6 +121,8 @@ def pick_figures(picked: Sequence[Picked]) -> dict[str, float]:
     tried = sum(1 + len(one.refused) for one in clutter)
     found["clutter_refused"] = sum(len(one.refused) for one in clutter) / tried if tried else np.nan
     found["clutter_knocked_off"] = _share([bool(one.knocked_off) for one in clutter])
+    pushed = [one.pushed_m for one in clutter if one.phase != "plan"]
+    found["clutter_pushed_median_m"] = float(np.median(pushed)) if pushed else np.nan
     for name in ("slip_m", "slip_from_grasp_m"):
         slips = [slip for one in picked if (slip := getattr(one, name)) is not None]
         found[name.replace("_m", "_p95_m")] = float(np.percentile(slips, 95)) if slips else np.nan
