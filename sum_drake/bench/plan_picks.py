@@ -86,7 +86,7 @@ class Picked:
     acceleration_use: float = 0.0
     effort_use: float = 0.0
     violations: tuple[tuple[str, int], ...] = ()
-    """Samples beyond a limit, by kind of limit."""
+    """Samples beyond a limit, of efforts at it, by kind of limit."""
     X_WO: Array | None = None
     """(4, 4): where it lay."""
 
