@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from small_robots import write_urdf
+from small_robots import ARM, write_urdf
 
 from sum_drake.bench import plan_solve
 from sum_drake.bench.plan_solve import revalidated, solve
@@ -78,3 +78,12 @@ def test_a_path_that_is_found_too_late_does_not_count(robot, tmp_path, monkeypat
     assert (late.start_valid, late.goal_valid, late.solved, late.path) == (True, True, False, [])
     assert late.time_s > 0.3
     assert late.message.startswith("a path was found too late, after ") and late.message.endswith("of 0.3 s")
+
+
+@pytest.mark.parametrize("limits", ['lower="-1e16" upper="1e16" velocity="1e10"', 'lower="-2" upper="1e16"'])
+def test_a_joint_may_have_limits_that_are_none_or_one(tmp_path, limits):
+    plan_solve.warm_up()
+    robot = load_robot(write_urdf(tmp_path, ARM.replace('lower="-2" upper="2.5" velocity="0.7"', limits)))
+    wanted = problem(robot, tmp_path, [1.2, 1.5], [1.2, -1.5])
+    found = solve(robot, wanted, seed=0, time_limit=10.0)
+    assert found.solved and revalidated(robot, wanted, np.array(found.path))
