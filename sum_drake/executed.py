@@ -15,7 +15,7 @@ POSITION_SLACK = 1e-3
 SPEED_SLACK = 0.02
 """Share of a speed limit by which a joint may swing over a plan that keeps within it."""
 FULL = 0.999
-"""Share of a drive's effort from which on it counts as giving all it has."""
+"""Share of a drive's effort from which on it counts as giving all it has: more than that no measurement can show."""
 
 _ORDER = np.array([STATE_JOINTS.index(joint) for joint in JOINTS])
 """Where each of JOINTS stands in the measured state."""
@@ -37,7 +37,7 @@ class LimitUse(Immutable):
     at_full_effort: Array
     """(12,): share of the samples in which a drive gave all it has, as fingers that hold something are meant to."""
     violations: tuple[tuple[str, int], ...]
-    """Samples in which some joint was beyond a limit, by kind of limit."""
+    """Samples in which some joint was beyond a limit, or a drive of the arm at the limit of its effort, by kind."""
 
     def row(self) -> dict[str, Any]:
         """`limits` of summary.json: the most that any joint used; of efforts the arm's, as fingers push with all."""
@@ -59,6 +59,8 @@ class LimitUse(Immutable):
 def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
     """What was used, and what was violated.
 
+    No drive gives more than it has, and the measured effort is what it gives: a drive of the arm that gives all of it
+    counts as a violation, since its motion may have asked for more. Fingers that squeeze are meant to.
     states: (n, 24) measured states of the station, `step` seconds from one to the next; efforts: (n, 12), measured.
     """
     n = len(JOINTS)
@@ -69,11 +71,12 @@ def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
     position[:, ends] = np.abs(2 * q[:, ends] - lower[ends] - upper[ends]) / (upper - lower)[ends]
     speed = np.abs(v) / np.array([joint.velocity for joint in JOINTS])
     effort = np.abs(efforts) / np.array([joint.effort for joint in JOINTS])
+    full = effort >= FULL
     acceleration = np.abs(np.diff(v[:, : len(ARM_JOINTS)], axis=0)) / step / ACCELERATION
     beyond = {
         "position": (q < lower - POSITION_SLACK) | (q > upper + POSITION_SLACK),
         "speed": speed > 1.0 + SPEED_SLACK,
-        "effort": effort > 1.0 + 1e-6,
+        "effort": full[:, : len(ARM_JOINTS)],
     }
     return LimitUse(
         samples=len(states),
@@ -81,6 +84,6 @@ def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
         speed=readonly(speed.max(0, initial=0.0)),
         acceleration=readonly(acceleration.max(0, initial=0.0)),
         effort=readonly(effort.max(0, initial=0.0)),
-        at_full_effort=readonly((effort > FULL).sum(0) / max(len(effort), 1)),
+        at_full_effort=readonly(full.sum(0) / max(len(full), 1)),
         violations=tuple((kind, int(beyond[kind].any(1).sum())) for kind in KINDS),
     )

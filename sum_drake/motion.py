@@ -153,8 +153,8 @@ def _explore(edges: _Edges, q_start: Array, q_goals: Array, room: float, seed: i
     joints, n = edges.space, len(edges.space.names)
     scale = 1.0 / joints.velocity  # OMPL searches in seconds: each joint divided by its speed limit
     ends = np.vstack([q_start, q_goals])
-    # A joint that turns without end gets anywhere within half a turn.
-    endless = np.isinf(joints.lower)
+    # A joint that turns without end gets anywhere within half a turn; one may also end on one side alone.
+    endless = np.isinf(joints.lower) | np.isinf(joints.upper)
     reach = np.where(endless, np.minimum(room / scale, np.pi), room / scale)
     lower = np.minimum(np.maximum(joints.lower, ends.min(0) - reach), ends.min(0))
     upper = np.maximum(np.minimum(joints.upper, ends.max(0) + reach), ends.max(0))

@@ -1,8 +1,8 @@
 """When the arm breaks a motion off by itself, and how: by what its drives and fingers feel, without a picture.
 
 In free motion the drives give what inverse dynamics asks for, to 2 % of what they can give, and to 7 % with an object
-in the hand (`benchmarks/results/plan.json` has whole runs); what they give beyond that is the resistance of something
-that was not believed to be there. The arm then brakes, and goes back a little on the way that it came, which was free.
+in the hand, as measured in runs while this was written; what they give beyond that is the resistance of something that
+was not believed to be there. The arm then brakes, and goes back a little on the way that it came, which was free.
 A hand that empties while it carries only brakes: what it held is gone.
 """
 

@@ -14,7 +14,7 @@ from sum_drake.collision_mesh import convex_pieces, find_mesh
 from sum_drake.types import Array, Immutable, readonly
 
 LARGEST = 1e6
-"""No number of a robot is larger."""
+"""No number of a robot is larger, but of limits, where more than that is as good as none."""
 SPEED = 1.0
 """Radians or metres a second of a joint that says nothing of its speed."""
 MOVING = ("revolute", "continuous", "prismatic")
@@ -84,6 +84,21 @@ def numbers(element: ElementTree.Element | None, key: str, default: str | None, 
     return values
 
 
+def limit_of(element: ElementTree.Element | None, key: str, where: str) -> float:
+    """A number of a limit, 0 where it is missing; -inf or inf where it is beyond LARGEST, as what has none is written.
+
+    Raises InputError for what is no number.
+    """
+    text = "0" if element is None else element.get(key, "0")
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if np.isnan(value):
+        raise InputError(f"{where}: {key} is '{text}'; expected a number")
+    return value if abs(value) <= LARGEST else float(np.copysign(np.inf, value))
+
+
 def number(element: ElementTree.Element | None, key: str, default: str | None, where: str) -> float:
     return float(numbers(element, key, default, 1, where)[0])
 
@@ -139,6 +154,12 @@ def _shapes(geometry: ElementTree.Element | None, path: Path, where: str) -> lis
     return [made(*sizes)]
 
 
+def collision_meshes(path: Path) -> list[Path]:
+    """The files of all meshes of a URDF's collision shapes, in its order, where `find_mesh` finds them."""
+    names = (str(mesh.get("filename")) for mesh in parse_xml(path, "a URDF").findall("link/collision/geometry/{*}mesh"))
+    return [find_mesh(name, path, str(path)) for name in names]
+
+
 def read_joint(element: ElementTree.Element, path: Path, notes: list[str]) -> UserJoint:
     name, kind = name_of(element, path), element.get("type", "")
     where = f"{path}: joint '{name}'"
@@ -157,16 +178,18 @@ def read_joint(element: ElementTree.Element, path: Path, notes: list[str]) -> Us
             raise InputError(f"{where}: its axis is 0; expected a direction")
         axis = axis / np.linalg.norm(axis)
         limit = element.find("limit")
-        velocity = number(limit, "velocity", "0", f"{where}: limit")
+        velocity = limit_of(limit, "velocity", f"{where}: limit")
         if velocity < 0:
             raise InputError(f"{where}: limit: velocity is {velocity:g}; expected over 0")
-        velocity = velocity or SPEED
+        if np.isinf(velocity):
+            notes.append(f"{where} has no limit of speed: taken to move at {SPEED:g} a second")
+        velocity = SPEED if velocity == 0 or np.isinf(velocity) else velocity
         if limit is None and kind != "continuous":
             notes.append(f"{where} has no limit: taken to have none")
         elif kind != "continuous":
-            lower, upper = (number(limit, key, "0", f"{where}: limit") for key in ("lower", "upper"))
-            if lower > upper:
-                raise InputError(f"{where}: its lower limit is {lower:g}, its upper {upper:g}; expected lower first")
+            lower, upper = (limit_of(limit, key, f"{where}: limit") for key in ("lower", "upper"))
+            if lower > upper or lower == np.inf or upper == -np.inf:
+                raise InputError(f"{where}: its lower limit is {lower:g}, its upper {upper:g}; expected a range")
     follows, mimic = None, element.find("mimic")
     if mimic is not None and kind in MOVING:
         leader = mimic.get("joint")

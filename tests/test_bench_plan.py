@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sum_drake.bench import plan_picks
-from sum_drake.bench.plan import AIMS, FULL, QUICK, Measured, Size, bench_plan, figures, plan_tasks
+from sum_drake.bench.plan import AIMS, FULL, QUICK, Measured, Size, bench_plan, figures, plan_tasks, set_figures
 from sum_drake.bench.plan_queries import QueryMeasured
 from sum_drake.bench.plan_report import report_page
 from sum_drake.bench.plan_solve import Solved
@@ -50,6 +50,8 @@ def test_figures_count_what_is_in_time_and_what_is_not_free():
     assert found["plan_return_success_1s"] == 0.5
     assert (found["shelf_solved_10s"], found["shelf_solved_1s"], found["cage_solved_10s"]) == (1.0, 0.5, 0.0)
     assert np.isnan(found["under_table_solved_10s"])
+    late = set_figures("cage", [Measured(solved=problem(True, 9.9)), Measured(solved=problem(True, 10.1))])
+    assert late["cage_solved_10s"] == 0.5
     assert found["paths_free"] == pytest.approx(3 / 5)
     assert found["limit_violations"] == 1
     assert np.isnan(found["pick_success_alone"])

@@ -33,21 +33,23 @@ def test_shares_go_with_their_joint(joint):
     assert use.at_full_effort[joint] == pytest.approx(0.2)
     if joint < len(ARM_JOINTS):
         assert use.acceleration[joint] == pytest.approx(0.5 * JOINTS[joint].velocity / 0.004 / ACCELERATION[joint])
-    assert use.violated == 0, "all it has is no more than it has"
+    arm = joint < len(ARM_JOINTS)
+    assert dict(use.violations) == {"position": 0, "speed": 0, "effort": int(arm)}, "fingers are meant to give all"
 
 
 def test_what_is_beyond_a_limit_is_counted_by_kind():
     states, efforts = at_rest()
     states[1, 1] = 1.7  # shoulder pan, which ends at 1.6056
     states[2:4, len(JOINTS) + 6] = 2.5  # wrist flex, 2.268 at most
-    efforts[4, -1] = -61.0
-    assert dict(limit_use(states, efforts, 0.004).violations) == {"position": 1, "speed": 2, "effort": 1}
+    efforts[3:, 7] = -JOINTS[7].effort
+    efforts[0, 6] = 0.99 * JOINTS[6].effort
+    assert dict(limit_use(states, efforts, 0.004).violations) == {"position": 1, "speed": 2, "effort": 2}
 
 
 def test_the_row_of_a_summary_tells_the_most_that_any_joint_used():
     states, efforts = at_rest()
     states[2, len(JOINTS) + 1] = 0.628
-    efforts[:, -1] = 60.0
+    efforts[:, -1] = -60.0
     row = limit_use(states, efforts, 0.004).row()
     assert row["speed_use"] == pytest.approx(0.5)
     assert row["effort_use"] == 0.0, "the fingers push with all they have"

@@ -57,6 +57,18 @@ def test_it_goes_on_where_it_was_cut_off(files, tmp_path):
     assert [one["path"] for one in after] == [one["path"] for one in before]
 
 
+def test_rows_of_other_meshes_are_not_gone_on_with(files, tmp_path, capsys):
+    write_urdf(tmp_path, ARM.replace('<box size="0.04 0.04 0.3"/>', '<mesh filename="forearm.obj"/>'))
+    mesh = "v 0 0 0\nv 0.02 0 0\nv 0 0.02 0\nv 0 0 0.2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    (tmp_path / "forearm.obj").write_text(mesh)
+    out = tmp_path / "out"
+    assert run(files, out, "--quiet") == 0
+    (out / "plan.json").unlink()
+    (tmp_path / "forearm.obj").write_text(mesh.replace("0.02", "0.03"))
+    assert run(files, out, "--quiet") == 2
+    assert "rows.jsonl: is of other meshes; expected a new --out, or --force" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from small_robots import write_urdf
+from small_robots import ARM, write_urdf
 
+from sum_drake.bench import plan_solve
 from sum_drake.bench.plan_solve import revalidated, solve
+from sum_drake.motion import Path, plan_path
 from sum_drake.planning_problems import load_problems
 from sum_drake.user_robot import load_robot
 
@@ -16,6 +18,7 @@ WALL = {"id": "wall", "type": "box", "dimensions": [0.02, 0.4, 0.3], "position":
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
+    plan_solve.warm_up()  # compiling is no search
     return load_robot(write_urdf(tmp_path_factory.mktemp("robot")))
 
 
@@ -58,3 +61,29 @@ def test_what_has_no_solution_is_given_up_when_the_time_is_over(robot, tmp_path)
     assert not found.solved and found.start_valid and found.goal_valid
     assert 0.5 <= found.time_s < 3.0
     assert found.message.startswith("no path in 0.5 s")
+
+
+def test_a_path_that_is_found_too_late_does_not_count(robot, tmp_path, monkeypatch):
+    found = []
+
+    def slow(*arguments, stop, **more):
+        found.append(plan_path(*arguments, **more))
+        while not stop():
+            pass
+        return found[-1]
+
+    monkeypatch.setattr(plan_solve, "plan_path", slow)
+    late = solve(robot, problem(robot, tmp_path, [1.2, 1.5], [1.2, -1.5]), seed=0, time_limit=0.3)
+    assert isinstance(found[-1], Path)
+    assert (late.start_valid, late.goal_valid, late.solved, late.path) == (True, True, False, [])
+    assert late.time_s > 0.3
+    assert late.message.startswith("a path was found too late, after ") and late.message.endswith("of 0.3 s")
+
+
+@pytest.mark.parametrize("limits", ['lower="-1e16" upper="1e16" velocity="1e10"', 'lower="-2" upper="1e16"'])
+def test_a_joint_may_have_limits_that_are_none_or_one(tmp_path, limits):
+    plan_solve.warm_up()
+    robot = load_robot(write_urdf(tmp_path, ARM.replace('lower="-2" upper="2.5" velocity="0.7"', limits)))
+    wanted = problem(robot, tmp_path, [1.2, 1.5], [1.2, -1.5])
+    found = solve(robot, wanted, seed=0, time_limit=10.0)
+    assert found.solved and revalidated(robot, wanted, np.array(found.path))

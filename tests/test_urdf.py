@@ -33,7 +33,10 @@ from sum_drake.user_robot import load_robot
         (ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 inf"'), "joint 'bend': origin: xyz is '0 0 inf'"),
         (ARM.replace('xyz="0 0 0.4"', 'rpy="0 0 1e9"'), "joint 'bend': origin: rpy is '0 0 1e9'"),
         (ARM.replace('lower="-2"', 'lower="3"'), "joint 'bend': its lower limit is 3, its upper 2.5"),
-        (ARM.replace('lower="-2"', 'lower="low"'), "joint 'bend': limit: lower is 'low'; expected a finite number"),
+        (ARM.replace('lower="-2"', 'lower="low"'), "joint 'bend': limit: lower is 'low'; expected a number"),
+        (ARM.replace('velocity="0.7"', 'velocity="nan"'), "joint 'bend': limit: velocity is 'nan'; expected a number"),
+        (ARM.replace('lower="-2"', 'lower="1e16"'), "joint 'bend': its lower limit is inf, its upper 2.5"),
+        (ARM.replace('"-2" upper="2.5"', '"-1e17" upper="-1e16"'), "its lower limit is -inf, its upper -inf"),
         (ARM.replace('velocity="0.7"', 'velocity="-1"'), "joint 'bend': limit: velocity is -1"),
         (ARM.replace("0.04 0.04 0.3", "0.04 0.04 0"), "link 'forearm': collision: box has the size 0.04 0.04 0"),
         (ARM.replace("0.04 0.04 0.3", "0.04"), "collision: box: size is '0.04'; expected 3 finite numbers"),
@@ -75,3 +78,13 @@ def test_limits_of_a_continuous_joint_are_not_limits(tmp_path):
         write_urdf(tmp_path, ARM.replace('<limit velocity="1.5"', '<limit lower="0" upper="0" velocity="0"'))
     )
     assert (robot.lower[0], robot.upper[0], robot.velocity[0]) == (-np.inf, np.inf, SPEED)
+
+
+def test_limits_that_are_too_large_to_be_any_are_none(tmp_path):
+    endless = ARM.replace('"-2" upper="2.5" velocity="0.7"', '"-1e16" upper="1e16" velocity="1e10"')
+    robot = load_robot(write_urdf(tmp_path, endless))
+    assert (robot.lower[1], robot.upper[1], robot.velocity[1]) == (-np.inf, np.inf, SPEED)
+    assert robot.notes == (f"{robot.path}: joint 'bend' has no limit of speed: taken to move at 1 a second",)
+    one_sided = load_robot(write_urdf(tmp_path, ARM.replace('upper="2.5"', 'upper="inf"')))
+    assert (one_sided.lower[1], one_sided.upper[1], one_sided.velocity[1]) == (-2.0, np.inf, 0.7)
+    assert one_sided.notes == ()

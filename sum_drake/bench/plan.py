@@ -174,7 +174,7 @@ def set_figures(kind: str, of: Sequence[Measured]) -> dict[str, float]:
         return {f"{kind}_solved_10s": np.nan}
     solved = [one.solved for one in of if one.solved is not None]
     return {
-        f"{kind}_solved_10s": float(np.mean([one.solved for one in solved])),
+        f"{kind}_solved_10s": float(np.mean([one.solved and one.time_s <= TIME_LIMIT for one in solved])),
         f"{kind}_solved_1s": float(np.mean([one.solved and one.time_s <= 1.0 for one in solved])),
         f"{kind}_median_s": float(np.median([one.time_s for one in solved])),
     }

@@ -1,15 +1,15 @@
 """A user's own planning problems and robot: `bench plan --problems`, which leaves plan.json."""
 
-import hashlib
 import logging
 from pathlib import Path
 from typing import Any
 
 from sum_drake.bench.plan_solve import Solved, solve, warm_up
-from sum_drake.bench.resumed import Progress, RowLog, code, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, code, digest, run_tasks
 from sum_drake.doctor import device, versions
 from sum_drake.jsonio import encode, write_json
 from sum_drake.planning_problems import PlanningProblem, load_problems
+from sum_drake.urdf import collision_meshes
 from sum_drake.user_robot import UserRobot, load_robot
 
 FILES = ("plan.json", "rows.jsonl")
@@ -39,7 +39,8 @@ def bench_problems(
     wanted = load_problems(problems, robot)
     settings: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit, "code": code()}
     for name, path in (("problems", problems), ("urdf", urdf), ("srdf", srdf)):
-        settings[name] = None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        settings[name] = None if path is None else digest([path])
+    settings["meshes"] = digest(collision_meshes(urdf))
     if anew:
         for name in FILES:
             (out / name).unlink(missing_ok=True)

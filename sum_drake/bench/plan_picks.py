@@ -2,8 +2,10 @@
 
 Each of the catalogue's objects lies alone on the table, as it came to rest from a random orientation, several times;
 and tables of five objects are poured, from each of which one object is taken. The robot is told where everything
-truly is, as a belief without spread; grasps are ranked, a motion is planned and played as the sorting robot does it,
-in the station's physics. A pick has worked if its object ends in the region that it belongs in.
+truly is, as a belief without spread. Grasps are ranked, and a motion is planned and played in the station's physics, by
+the functions that sorting has them from, but without what `SortingTask` adds: nothing is moved out of the way, and no
+bin fills up. From a table, the first object in a random order is taken for which there is a plan. A pick has worked if
+its object ends in the region that it belongs in.
 How they are done: `plan_pick_trials`.
 """
 
@@ -88,7 +90,7 @@ class Picked:
     acceleration_use: float = 0.0
     effort_use: float = 0.0
     violations: tuple[tuple[str, int], ...] = ()
-    """Samples beyond a limit, by kind of limit."""
+    """Samples beyond a limit, of efforts at it, by kind of limit."""
     X_WO: Array | None = None
     """(4, 4): where it lay."""
 

@@ -6,6 +6,7 @@ import functools
 import hashlib
 import json
 import multiprocessing
+import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -23,27 +24,43 @@ Progress = Callable[[str, int, int], None]
 Result = TypeVar("Result")
 
 
+PACKAGE = Path(__file__).parents[1]
+DATA = (".json", ".mtl", ".obj", ".safetensors", ".sdf", ".urdf", ".xml", ".yaml")
+"""Suffixes of models, problems, scenes, scenarios and weights; pictures on objects are left out."""
+
+
 def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
-    """Settings that tell versions of the program and of the objects apart."""
-    return {
-        "catalogue": catalogue.path.name,
-        "meshes": _digest([catalogue.path, *(catalogue[label].mesh for label in catalogue.labels)]),
-        "code": code(),
-    }
+    """Settings that tell versions of the program, of what comes with it and of the objects apart."""
+    meshes = [catalogue.path]
+    for model in catalogue.models:
+        meshes += [model.mesh, *model.collision, *([] if model.sdf is None else [model.sdf])]
+    return {"catalogue": catalogue.path.name, "meshes": digest(meshes), "models": models(), "code": code()}
 
 
-def code() -> str:
+def code(package: Path = PACKAGE) -> str:
     """What tells versions of the program apart."""
-    return _digest(sorted(Path(__file__).parents[1].rglob("*.py")))
+    return digest(_inside(package, (".py",)))
 
 
-def _digest(files: Sequence[Path]) -> str:
+def models(package: Path = PACKAGE) -> str:
+    """What tells versions of the data that come with the program apart."""
+    return digest(_inside(package / "models", DATA))
+
+
+def _inside(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    """Files in a folder and below; in a checkout, `systems` and `models` are links, which a glob does not follow."""
+    found = [Path(at, name) for at, _, names in os.walk(folder, followlinks=True) for name in names]
+    return sorted(file for file in found if file.suffix in suffixes)
+
+
+def digest(files: Sequence[Path]) -> str:
+    """Sixteen digits that tell the contents of files apart."""
     return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
 
 
 def _other(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
-    words = {"code": "another version of the program", "meshes": "other meshes"}
+    words = {"code": "another version of the program", "meshes": "other meshes", "models": "other models"}
     keys = [key for key in settings if begun.get(key) != settings[key]]
     return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
 
