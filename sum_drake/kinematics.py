@@ -17,7 +17,7 @@ import numpy as np
 
 from sum_drake import closed_form, geometry, robot
 from sum_drake.compiled import compiled
-from sum_drake.types import Array, readonly
+from sum_drake.types import Array, readonly, shaped
 
 CONTINUOUS = np.array([joint.kind == "continuous" for joint in robot.ARM_JOINTS])
 """(8,) which of ARM_JOINTS turn without end."""
@@ -42,6 +42,7 @@ class Arm:
     """The torso and the arm as a mapping between ARM_JOINTS q (8,) and the hand's pose X_WG (4, 4).
 
     Solutions keep away from the joint limits by a margin, and continuous joints in the turn nearest to a reference.
+    Arrays of another shape, or that are not finite, raise ValueError.
     """
 
     margin: float = 0.01
@@ -53,12 +54,12 @@ class Arm:
 
     def forward(self, q: Array) -> Array:
         """X_WG (4, 4) of q (8,)."""
-        X_WG: Array = self.forward_many(np.asarray(q, dtype=float)[None])[0]
+        X_WG: Array = self.forward_many(shaped("q", q, 8)[None])[0]
         return X_WG
 
     def forward_many(self, qs: Array) -> Array:
         """X_WGs (n, 4, 4) of qs (n, 8)."""
-        qs = np.asarray(qs, dtype=float)
+        qs = shaped("qs", qs, -1, 8)
         R = np.broadcast_to(np.eye(3), (len(qs), 3, 3))
         p = np.zeros((len(qs), 3))
         for j, joint in enumerate(robot.ARM_JOINTS):
@@ -103,7 +104,7 @@ class Arm:
         `spread` in some joint, so that collisions that rule one out may spare the next. Where the grid holds nothing, a
         `thorough` search looks between its lines, for some .3 ms.
         """
-        X_WGs = np.reshape(X_WG, (1, 4, 4))
+        X_WGs = shaped("X_WG", X_WG, 4, 4)[None]
         return self.solutions_many(X_WGs, near=near, count=count, spread=spread, thorough=thorough)[0]
 
     def solutions_many(
@@ -117,11 +118,11 @@ class Arm:
     ) -> list[Array]:
         """`solutions` of each of X_WGs (n, 4, 4): n arrays (.., 8)."""
         # The reference's own torso and pan come first, so that its neighbourhood is never missed by the grid.
-        near = np.array(near, dtype=float).reshape(8)
+        near = shaped("near", near, 8)
         lower, upper = self._limits()
         torsos, pans = np.append(near[0], self.torsos), np.append(near[1], self.pans)
         chosen = []
-        for X_WG in np.array(X_WGs, dtype=float).reshape(-1, 4, 4):
+        for X_WG in shaped("X_WGs", X_WGs, -1, 4, 4):
             found = closed_form.sweep(X_WG, torsos, pans, near, LINKS, lower, upper)
             if thorough and not len(found):
                 found = _between(X_WG, near, lower, upper)
@@ -134,8 +135,7 @@ class Arm:
         X_WGs[0] must be the hand's pose at q_start, and neighbouring poses close together: no joint moves by more
         than `step` between two. The arm stays on q_start's branch while torso and pan move evenly.
         """
-        X_WGs = np.array(X_WGs, dtype=float).reshape(-1, 4, 4)
-        q_start = np.array(q_start, dtype=float).reshape(8)
+        X_WGs, q_start = shaped("X_WGs", X_WGs, -1, 4, 4), shaped("q_start", q_start, 8)
         paths = closed_form.follow(X_WGs, q_start, _SHIFTS, step, LINKS, *self._limits())
         seconds = (np.abs(np.diff(paths, axis=1)).sum(1) / _VELOCITY).max(-1)
         paths = paths[np.argsort(seconds, kind="stable")[:count]]

@@ -16,7 +16,7 @@ from ompl import util as ou
 
 from sum_drake.checked_scene import FINE, CheckedScene, JointSpace
 from sum_drake.kinematics import Arm
-from sum_drake.types import Array, Immutable, readonly
+from sum_drake.types import Array, Immutable, readonly, shaped
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -36,9 +36,10 @@ class NoPath(Immutable):
     """Why there is no path."""
 
     reason: str
-    """start_in_collision, goal_in_collision, budget (used up), unconfirmed (Drake found what was found not free)."""
+    """start_in_collision, goal_in_collision, start_beyond_limits, goal_beyond_limits, budget (used up), unconfirmed
+    (Drake found what was found not free)."""
     pairs: tuple[tuple[str, str], ...] = ()
-    """What touches what, where something does."""
+    """What touches what, where something does; or each joint that is beyond a limit, and how."""
     checks: int = 0
 
 
@@ -54,17 +55,32 @@ def plan_path(
 ) -> Path | NoPath:
     """A short free path from q_start (n,) to one of q_goals (m, n), or why there is none.
 
+    Goals that collide, or are beyond joint limits by more than `SLACK`, are passed over while others are not.
+
     One of PLANNERS searches rooms of growing size, and gives up in one after its share of `budget` calls of its
     termination condition; shortcuts are taken. Edges are checked every `FINE` radians or proven free, and the whole
     path once more, every `CONFIRM`, by Drake. No clock is asked, so the answer depends on the arguments alone; a bench
     may `stop` searches earlier by one of its own.
+
+    Raises ValueError, one line, for an unknown planner, no goal, and for arrays of another shape or not finite.
     """
-    q_goals = np.atleast_2d(q_goals)
+    n = len(scene.space.names)
+    q_start, q_goals = shaped("q_start", q_start, n), shaped("q_goals", np.atleast_2d(q_goals), -1, n)
+    if not len(q_goals):
+        raise ValueError("q_goals: holds no goal; expected one or more")
+    if planner not in PLANNERS:
+        raise ValueError(f"planner {planner!r}: unknown; expected one of {', '.join(PLANNERS)}")
+    beyond = [_beyond(q, scene.space) for q in (q_start, *q_goals)]
+    if beyond[0]:
+        return NoPath("start_beyond_limits", beyond[0])
     if not scene.is_free(q_start):
         return NoPath("start_in_collision", scene.colliding_pairs(q_start))
-    free = np.flatnonzero(scene.free_many(q_goals))
+    within = np.flatnonzero([not each for each in beyond[1:]])
+    if not len(within):
+        return NoPath("goal_beyond_limits", beyond[1])
+    free = within[scene.free_many(q_goals[within])]
     if not len(free):
-        return NoPath("goal_in_collision", scene.colliding_pairs(q_goals[0]))
+        return NoPath("goal_in_collision", scene.colliding_pairs(q_goals[within[0]]))
     edges, reason = _Edges(scene, planner, stop), "budget"
     for attempt in range(_CONFIRMATIONS):
         qs = _search(edges, q_start, q_goals[free], seed + attempt, budget)
@@ -95,6 +111,20 @@ RANGE = 1.2
 def _ranged(planner: Any) -> Any:
     planner.setRange(RANGE)
     return planner
+
+
+SLACK = 1e-3
+"""Radians (and metres) by which start and goals may be beyond joint limits: an arm is measured a hair beyond, too."""
+
+
+def _beyond(q: Array, space: JointSpace) -> tuple[tuple[str, str], ...]:
+    """Joints of q (n,) that are beyond their limits, and how."""
+    return tuple(
+        (name, f"{value:.5g} {word} its limit {limit:.5g}")
+        for name, value, lower, upper in zip(space.names, q, space.lower, space.upper, strict=True)
+        for word, limit, by in (("below", lower, lower - value), ("above", upper, value - upper))
+        if by > SLACK
+    )
 
 
 CONFIRM = 0.02

@@ -44,10 +44,15 @@ class PlacingConfig:
     """At most this many are returned."""
 
 
+def same_floor(region: Region, table: Region) -> bool:
+    """Whether a region's bottom is the table's top."""
+    return abs(region.floor_height - table.floor_height) < 0.05
+
+
 def is_area(region: Region, table: Region) -> bool:
     """Whether a region is a part of the table's top, rather than a bin."""
     over = np.all(np.abs(region.p_W[:2] - table.p_W[:2]) + region.half_extents[:2] <= table.half_extents[:2] + 1e-6)
-    return bool(over and abs(region.floor_height - table.floor_height) < 0.05)
+    return bool(over and same_floor(region, table))
 
 
 def free_places(

@@ -71,9 +71,10 @@ def read_problem(entry: Any, where: str, robot: UserRobot) -> PlanningProblem:
     joints = entry.get("joints")
     if not isinstance(joints, list) or not joints or not all(isinstance(name, str) for name in joints):
         raise InputError(f"{where}: joints is {_said(entry, 'joints')}; expected a list of names of joints")
+    movable = f"some of {', '.join(robot.names)}" if robot.names else "a robot with movable joints, this one has none"
     for i, name in enumerate(joints):
         if name not in robot.names:
-            raise InputError(f"{where}: joints: {_why_not(name, robot)}; expected some of {', '.join(robot.names)}")
+            raise InputError(f"{where}: joints: {_why_not(name, robot)}; expected {movable}")
         if name in joints[:i]:
             raise InputError(f"{where}: joints: '{name}' is there twice; expected every joint once")
     start, goal = (_numbers(entry, key, len(joints), where) for key in ("start", "goal"))

@@ -24,6 +24,20 @@ def readonly(array: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
     return copy
 
 
+def shaped(what: str, value: ArrayLike, *shape: int) -> Array:
+    """`value` as finite numbers of this shape, -1 for any length. Raises ValueError, one line that starts with what."""
+    wanted = f"({', '.join('n' if length < 0 else str(length) for length in shape)}{',' * (len(shape) == 1)})"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what}: is no array of numbers; expected the shape {wanted}") from error
+    if array.ndim != len(shape) or any(b not in (a, -1) for a, b in zip(array.shape, shape, strict=True)):
+        raise ValueError(f"{what}: has the shape {array.shape}; expected {wanted}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what}: is not finite; expected numbers")
+    return array
+
+
 class Immutable:
     """Makes `copy` and `deepcopy` return the value itself, which is what immutability means."""
 

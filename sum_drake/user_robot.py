@@ -115,6 +115,8 @@ def load_robot(urdf: Path, srdf: Path | None = None) -> UserRobot:
         check_follows(joint, joints, urdf)
         if joint.kind in ("floating", "planar"):
             notes.append(f"{urdf}: joint '{joint.name}' is {joint.kind}: held where it is at 0")
+    if not any(link.shapes for link in links):
+        notes.append(f"{urdf}: no link has a collision shape: everything is free")
     check_inertias(root, joints, urdf, notes)
     disabled = filter_groups(root, set(names), urdf)
     if srdf is not None:

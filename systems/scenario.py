@@ -6,12 +6,14 @@ import typing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
+from sum_drake import robot
 from sum_drake.assets import MODELS, InputError, asset, one_line
 from sum_drake.association import AssociationConfig
 from sum_drake.belief import AcceptanceConfig
@@ -23,7 +25,7 @@ from sum_drake.filter_config import FILTERS
 from sum_drake.grasping import GraspConfig
 from sum_drake.objects import CATALOGUE, Catalogue, load_catalogue
 from sum_drake.pick_config import PickConfig
-from sum_drake.placing import PlacingConfig
+from sum_drake.placing import PlacingConfig, same_floor
 from sum_drake.prospects import POLICIES
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.object_detector import ObjectDetectorConfig
@@ -128,7 +130,7 @@ def load_scenario(
     """The scenario `name` (default: the first) of a file of scenarios, with the fields of `text` (YAML) put over it.
 
     A scenario of another file goes over the package's first one. A `goal` is not merged with the one below it. `seed`,
-    `objects`, a count, and `catalogue` go over all.
+    `objects`, a count, and `catalogue` go over all; a count does not go with `objects.labels`.
 
     Raises InputError for a file that cannot be read, an unknown name, key, label, region, filter, detector or policy,
     a catalogue that cannot be used, and for values of another type or out of range.
@@ -154,6 +156,8 @@ def load_scenario(
     else:
         scenario.catalogue = _whole_path(str(catalogue.path), Path(), CATALOGUE)
     if objects is not None:
+        if scenario.objects.labels:
+            raise InputError(f"--objects {objects}: {where} lists objects.labels; expected one or the other")
         _check_count(objects, "--objects", catalogue)
         scenario.objects = ObjectsConfig(count=objects)
     _validate(scenario, where, catalogue)
@@ -297,8 +301,33 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
     for kind, region_name in scenario.goal.items():
         expect(kind in kinds, f"goal for {kind!r}", f"a label or category, one of {', '.join(kinds)}")
         places = (*(name for name in scenario.regions if name != "table"), LEAVE)
-        expect(region_name in places, f"goal region {region_name!r}", f"one of {', '.join(places)}")
+        expect(region_name in places, f"goal region {region_name!r} of {kind!r}", f"one of {', '.join(places)}")
+    for name in sorted(set(scenario.goal.values()) - {LEAVE}):
+        _validate_goal_region(scenario.region(name), scenario.region("table"), where)
     _validate_faults(scenario, where, catalogue)
+
+
+REACH = 1.3
+"""Nothing that is farther from the shoulder can be brought to, metres: the stretched arm has 1.1."""
+
+
+def _validate_goal_region(region: Region, table: Region, where: str) -> None:
+    """Refuses a region that is neither bin nor area of the table, or that no arm reaches."""
+    over = bool(np.all(np.abs(region.p_W - table.p_W)[:2] < (region.half_extents + table.half_extents)[:2]))
+    if over and not same_floor(region, table):
+        raise InputError(
+            f"{where}: region {region.name}: its bottom is at {region.floor_height:.3g} m, over the table, whose top "
+            f"is at {table.floor_height:.3g} m; expected the same height, or a place beside the table"
+        )
+    # The shoulder goes up and down with the torso.
+    lift = np.array([0.0, 0.0, robot.TORSO.upper / 2])
+    p_WS = np.add(robot.TORSO.origin, robot.ARM[0].origin) + lift
+    away = float(np.linalg.norm(np.maximum(np.abs(region.p_W - p_WS) - region.half_extents - lift, 0.0)))
+    if away > REACH:
+        raise InputError(
+            f"{where}: region {region.name}: is out of reach, {away:.2f} m from the robot's shoulder; expected at most "
+            f"{REACH:g} m"
+        )
 
 
 def _validate_faults(scenario: Scenario, where: str, catalogue: Catalogue) -> None:

@@ -30,6 +30,8 @@ def test_a_full_bench_is_of_everything_and_a_quick_one_of_a_few():
         assert sum(task[0] == kind for task in full) >= least
         assert 0 < sum(task[0] == kind for task in quick) <= 40
     assert len(set(full)) == len(full)
+    kinds = [task[0] for task in full]
+    assert list(dict.fromkeys(kinds)) == ["ik", "query", "problem", "pick"], "short ones first, so that progress shows"
     assert {task[1] for task in quick if task[0] == "problem"} == {"shelf", "cage", "under_table"}
 
 
@@ -65,7 +67,7 @@ def test_it_writes_results_and_a_page(tmp_path):
     assert results["figures"]["ik_success"] == found["ik_success"]
     assert {row["table"] for row in results["rows"]} >= {"query", "problem"}
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "Planning and picks" in page and page.count("role='img'") == 2
+    assert "Planning and picks" in page and "What is measured" in page and page.count("role='img'") == 2
     told = []
     again = bench_plan(
         tmp_path / "out", load_catalogue(), size=TINY, workers=1, progress=lambda *of: told.append(of[1:])

@@ -158,11 +158,8 @@ def test_arrays_of_any_kind_are_taken():
     frozen = np.asfortranarray(X_WG)
     frozen.flags.writeable = False
     np.testing.assert_array_equal(ARM.solutions(frozen, near=q.tolist()), wanted)
-    assert len(ARM.solutions(np.full((4, 4), np.nan))) == 0
-    with pytest.raises(ValueError, match="reshape"):
-        ARM.solutions(X_WG[:3])
-    with pytest.raises(ValueError, match="reshape"):
-        ARM.solutions(X_WG, near=q[:7])
+    with pytest.raises(ValueError, match="X_WG: is not finite"):
+        ARM.solutions(np.full((4, 4), np.nan))
 
 
 def test_the_reference_itself_is_the_first_choice():
@@ -217,3 +214,21 @@ def test_what_follows_a_line_keeps_its_branch_and_moves_torso_and_pan_evenly(see
 def test_a_line_that_leaves_the_workspace_is_not_followed():
     q = np.array([0.2, 0.3, 0.2, 0.4, 0.9, 0.7, 0.5, -0.5])
     assert len(ARM.follow(lifted(ARM.forward(q), 3.0, 300), q)) == 0
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda: ARM.forward(np.zeros(7)), r"q: has the shape \(7,\); expected \(8,\)"),
+        (lambda: ARM.forward(np.zeros((1, 8))), r"q: has the shape \(1, 8\); expected \(8,\)"),
+        (lambda: ARM.forward_many(np.zeros(8)), r"qs: has the shape \(8,\); expected \(n, 8\)"),
+        (lambda: ARM.solutions(np.eye(3)), r"X_WG: has the shape \(3, 3\); expected \(4, 4\)"),
+        (lambda: ARM.solutions(np.eye(4), near=np.zeros(7)), r"near: has the shape \(7,\); expected \(8,\)"),
+        (lambda: ARM.solutions(np.eye(4) * np.nan), "X_WG: is not finite"),
+        (lambda: ARM.solutions_many(np.eye(4)), r"X_WGs: has the shape \(4, 4\); expected \(n, 4, 4\)"),
+        (lambda: ARM.follow(np.eye(4)[None], np.zeros(7)), r"q_start: has the shape \(7,\); expected \(8,\)"),
+    ],
+)
+def test_arrays_of_another_shape_are_one_line(ask, words):
+    with pytest.raises(ValueError, match=f"^{words}"):
+        ask()

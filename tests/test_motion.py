@@ -58,6 +58,56 @@ def test_why_there_is_no_path(walled, sides):
     assert budget.reason == "budget"
 
 
+def moved(q, joint, value):
+    return np.where(np.arange(8) == joint, value, q)
+
+
+@pytest.mark.parametrize(
+    ("start", "goals", "options", "words"),
+    [
+        (lambda q: q * np.nan, lambda q: q, {}, "q_start: is not finite; expected numbers"),
+        (lambda q: q, lambda q: [q, moved(q, 3, np.inf)], {}, "q_goals: is not finite; expected numbers"),
+        (lambda q: q[:7], lambda q: q, {}, r"q_start: has the shape \(7,\); expected \(8,\)"),
+        (lambda q: q[None], lambda q: q, {}, r"q_start: has the shape \(1, 8\); expected \(8,\)"),
+        (lambda q: q, lambda q: [q[:7]], {}, r"q_goals: has the shape \(1, 7\); expected \(n, 8\)"),
+        (lambda q: "here", lambda q: q, {}, r"q_start: is no array of numbers; expected the shape \(8,\)"),
+        (lambda q: q, lambda q: np.empty((0, 8)), {}, "q_goals: holds no goal; expected one or more"),
+        (lambda q: q, lambda q: q, {"planner": "luck"}, "planner 'luck': unknown; expected one of rrt_connect, rrt, "),
+    ],
+)
+def test_what_is_no_request_is_one_line(walled, sides, start, goals, options, words):
+    with pytest.raises(ValueError, match=f"^{words}"):
+        plan_path(walled, start(sides[0]), goals(sides[1]), seed=1, **options)
+
+
+def test_what_is_beyond_joint_limits_is_not_planned_for(walled, sides):
+    left, right = sides
+    above, below = moved(left, 4, 2.3), moved(moved(left, 0, -0.1), 6, -2.5)
+    start = plan_path(walled, above, right, seed=1)
+    assert start == NoPath("start_beyond_limits", (("elbow_flex_joint", "2.3 above its limit 2.251"),))
+    goal = plan_path(walled, left, np.array([below, above]), seed=1)
+    assert isinstance(goal, NoPath)
+    assert goal.reason == "goal_beyond_limits"
+    assert goal.pairs == (
+        ("torso_lift_joint", "-0.1 below its limit 0"),
+        ("wrist_flex_joint", "-2.5 below its limit -2.16"),
+    )
+    others = plan_path(walled, left, np.array([below, right]), seed=1)
+    assert isinstance(others, Path)
+    assert others.goal == 1, "goals beyond limits are passed over"
+    inside = solve(pointing_down([0.6, 0.0, 0.95]))
+    neither = plan_path(walled, left, np.array([below, inside]), seed=1)
+    assert isinstance(neither, NoPath)
+    assert neither.reason == "goal_in_collision"
+    assert any("wall" in pair for pair in neither.pairs)
+
+
+def test_an_arm_a_hair_beyond_a_limit_or_some_turns_on_can_be_planned_for(walled, sides):
+    left, _ = sides
+    start = moved(left, 0, 0.38615 + 0.9e-3)
+    assert isinstance(plan_path(walled, start, moved(left, 7, left[7] + 4 * np.pi), seed=1), Path)
+
+
 def test_the_same_query_gives_the_same_path_in_another_process(walled, sides):
     left, right = sides
     plan_path(walled, right, np.array([left]), seed=7)  # what was asked before must not matter

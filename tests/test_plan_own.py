@@ -1,12 +1,16 @@
 """`sum-drake bench plan --problems`: files of one's own."""
 
+import argparse
 import json
 
 import numpy as np
 import pytest
 from small_robots import ARM, write_srdf, write_urdf
 
+from sum_drake.assets import InputError
+from sum_drake.bench.plan_own import refuse_others
 from sum_drake.cli import main
+from sum_drake.commands.common import kept_if_interrupted
 
 PROBLEMS = [
     {"request": "rise", "joints": ["turn", "bend"], "start": [0, 1.0], "goal": [2.0, -1.0], "obstacles": []},
@@ -67,6 +71,49 @@ def test_rows_of_other_meshes_are_not_gone_on_with(files, tmp_path, capsys):
     (tmp_path / "forearm.obj").write_text(mesh.replace("0.02", "0.03"))
     assert run(files, out, "--quiet") == 2
     assert "rows.jsonl: is of other meshes; expected a new --out, or --force" in capsys.readouterr().err
+
+
+OWN = {"seed": 0, "problems": "a1", "urdf": "b2", "srdf": None}
+
+
+@pytest.mark.parametrize(
+    ("begun", "settings", "said"),
+    [
+        ({"seed": 0, "catalogue": "catalogue.yaml"}, OWN, "is of the package's own experiments;"),
+        (OWN, {"seed": 0, "catalogue": "catalogue.yaml"}, "is of problems of your own;"),
+        (OWN, OWN | {"problems": "c3"}, "is of other problems;"),
+        (OWN, OWN | {"urdf": "c3", "srdf": "d4"}, "is of another robot, another --srdf;"),
+    ],
+)
+def test_a_folder_of_something_else_is_said_in_words(tmp_path, begun, settings, said):
+    (tmp_path / "rows.jsonl").write_text(json.dumps(begun) + "\n")
+    with pytest.raises(InputError, match=f"rows.jsonl: {said} expected a new --out, or --force"):
+        refuse_others(tmp_path, settings)
+    refuse_others(tmp_path, begun)
+    refuse_others(tmp_path / "none", settings)
+
+
+@pytest.mark.parametrize(
+    ("force", "said"), [(False, "the same command goes on"), (True, "the same command without --force goes on")]
+)
+def test_an_interrupt_says_what_is_kept(tmp_path, force, said):
+    options = argparse.Namespace(out=tmp_path, force=force, quiet=False)
+
+    def interrupted():
+        with pytest.raises(KeyboardInterrupt) as interrupt, kept_if_interrupted(options):
+            raise KeyboardInterrupt
+        return str(interrupt.value)
+
+    assert interrupted() == "nothing was written"
+    (tmp_path / "rows.jsonl").write_text("{}\n")
+    assert interrupted() == f"{tmp_path / 'rows.jsonl'} keeps what was done: {said}"
+
+
+@pytest.mark.parametrize("bench", ["plan", "pose", "reject"])
+def test_help_says_until_when_a_bench_goes_on(capsys, bench):
+    with pytest.raises(SystemExit):
+        main(["bench", bench, "--help"])
+    assert "called again, it goes on until it is done" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(

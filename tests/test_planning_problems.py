@@ -17,6 +17,12 @@ BALL = {"id": "ball", "type": "sphere", "dimensions": [0.1], "position": [0.3, 0
 PROBLEM = {"request": "a", "joints": ["turn", "bend"], "start": [0, 0], "goal": [0, 1.5], "obstacles": []}
 
 
+def test_of_a_robot_without_movable_joints_that_is_said(tmp_path):
+    still = load_robot(write_urdf(tmp_path, '<link name="base"/>'))
+    with pytest.raises(InputError, match=r"has no 'turn'; expected a robot with movable joints, this one has none$"):
+        read(still, PROBLEM)
+
+
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory):
     return load_robot(write_urdf(tmp_path_factory.mktemp("robot")))

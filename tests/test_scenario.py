@@ -73,6 +73,11 @@ def test_a_detectors_weights_are_named_by_a_path_that_holds_anywhere(catalogue, 
         ("{object_detector: {threshold: 2}}", ["object_detector: threshold", "from 0 to 1"]),
         ("{task: {policy: luck}}", ["policy 'luck'", "most_likely"]),
         ("{goal: {cleaning: moon}}", ["'moon'", "cleaning_bin"]),
+        ("{goal: {cleaning: leav}}", ["goal region 'leav' of 'cleaning'", "leave"]),
+        ("{regions: {cleaning_bin: {p_W: [0.6, -0.4, 1.1], half_extents: [0.2, 0.2, 0.2]}}}",
+         ["region cleaning_bin", "bottom is at 0.9 m", "top is at 0.7 m", "expected the same height"]),
+        ("{regions: {cleaning_bin: {p_W: [0.1, -1.9, 0.5], half_extents: [0.2, 0.2, 0.2]}}}",
+         ["region cleaning_bin", "out of reach, 1.70 m from", "shoulder", "at most 1.3 m"]),
         ("{goal: {vegetables: leave}}", ["'vegetables'", "cleaning"]),
         ("{regions: {table: {p_W: [1, 2], half_extents: [1, 1, 1]}}}", ["region table", "three numbers"]),
         ("{goal: {cleaning: table}}", ["'table'", "cleaning_bin"]),
@@ -94,7 +99,7 @@ def test_a_detectors_weights_are_named_by_a_path_that_holds_anywhere(catalogue, 
         ("[1, 2]", ["expected a mapping"]),
         ("{a: [", ["expected YAML"]),
     ],
-)
+)  # fmt: skip
 def test_bad_text_is_one_line_that_says_what_where_and_what_was_expected(catalogue, text, words):
     with pytest.raises(InputError) as error:
         load_scenario(text=text, catalogue=catalogue)
@@ -103,6 +108,19 @@ def test_bad_text_is_one_line_that_says_what_where_and_what_was_expected(catalog
     assert "--scenario-text" in message
     for word in words:
         assert word in message
+
+
+def test_a_count_does_not_go_with_a_list_of_labels(catalogue):
+    text = "{objects: {labels: [unicorn]}}"
+    with pytest.raises(InputError, match=r"^--objects 2: .*--scenario-text lists objects.labels; expected one or the"):
+        load_scenario(text=text, objects=2, catalogue=catalogue)
+
+
+def test_what_is_nobodys_goal_may_be_anywhere_and_an_area_may_lie_on_the_table(catalogue):
+    text = """{goal: {mug: corner}, regions: {
+      corner: {p_W: [0.6, 0.3, 0.8], half_extents: [0.1, 0.1, 0.1]},
+      store: {p_W: [9, 9, 9], half_extents: [1, 1, 1]}}}"""
+    assert load_scenario(text=text, catalogue=catalogue).goal == {"mug": "corner"}
 
 
 def test_unknown_files_and_names_are_refused(catalogue, tmp_path):

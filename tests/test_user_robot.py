@@ -36,6 +36,12 @@ def test_joints_and_their_limits(tmp_path):
     assert robot.notes == ()
 
 
+def test_a_robot_without_collision_shapes_is_said_to_be_free_everywhere(tmp_path):
+    bare = '<link name="base"/><link name="post"/>' + TURN
+    robot = load_robot(write_urdf(tmp_path, bare))
+    assert robot.notes == (f"{robot.path}: no link has a collision shape: everything is free",)
+
+
 def test_the_arm_among_obstacles(tmp_path):
     robot = load_robot(write_urdf(tmp_path))
     # The forearm, bent forward by a right angle, lies along x from .1 to .4 m at a height of .5 m.

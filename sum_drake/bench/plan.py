@@ -3,7 +3,7 @@
 Four experiments: poses of the hand that are reachable by construction; paths that picks from poured tables ask for
 (`plan_queries`); the hard kinds of published sets, shelves, cages and what stands under tables, for this project's own
 Fetch (`plan_sets`); and picks in the station's physics (`plan_picks`). What is done is kept in rows.jsonl: called
-again, the bench goes on. `plan_own` is of a user's own problems and robot.
+again, the bench goes on until it is done. `plan_own` is of a user's own problems and robot.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ from sum_drake.assets import asset
 from sum_drake.bench import plan_pick_trials, plan_picks
 from sum_drake.bench.aims import Aims
 from sum_drake.bench.plan_ik import IkMeasured, measure_ik
-from sum_drake.bench.plan_own import TIME_LIMIT
+from sum_drake.bench.plan_own import TIME_LIMIT, refuse_others
 from sum_drake.bench.plan_picks import Picked, pick_figures, pick_rows, pick_tasks
 from sum_drake.bench.plan_queries import KINDS, Query, QueryMeasured, load_queries, measure_query
 from sum_drake.bench.plan_report import report_page
@@ -97,6 +97,7 @@ def bench_plan(
     if anew:
         for name in FILES:
             (out / name).unlink(missing_ok=True)
+    refuse_others(out, settings)
     log = RowLog(out, settings, Measured)
     tasks = plan_tasks(size, catalogue, seed)
     done = run_tasks(
@@ -118,14 +119,14 @@ def bench_plan(
 
 
 def plan_tasks(size: Size, catalogue: Catalogue, seed: int) -> list[Task]:
-    """In the order in which they are done."""
+    """In the order in which they are done: the short ones first, so that progress shows."""
     queries = len(_queries())
     chosen = np.unique(np.linspace(0, queries - 1, min(size.queries, queries)).round().astype(int))
     return [
-        *(("pick", *task) for task in pick_tasks(size.picks, catalogue, seed)),
         ("ik", size.poses),
         *(("query", int(i)) for i in chosen),
         *(("problem", kind, i) for kind in SETS for i in range(min(size.problems, len(_problems(kind))))),
+        *(("pick", *task) for task in pick_tasks(size.picks, catalogue, seed)),
     ]
 
 

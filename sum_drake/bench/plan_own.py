@@ -1,9 +1,12 @@
 """A user's own planning problems and robot: `bench plan --problems`, which leaves plan.json."""
 
+import json
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from sum_drake.assets import InputError
 from sum_drake.bench.plan_solve import Solved, solve, warm_up
 from sum_drake.bench.resumed import Progress, RowLog, code, digest, run_tasks
 from sum_drake.doctor import device, versions
@@ -44,6 +47,7 @@ def bench_problems(
     if anew:
         for name in FILES:
             (out / name).unlink(missing_ok=True)
+    refuse_others(out, settings)
     found = run_tasks(
         [("problem", i) for i in range(len(wanted))],
         RowLog(out, settings, Solved),
@@ -67,6 +71,26 @@ def bench_problems(
         },
     )
     return found, robot.notes
+
+
+def refuse_others(out: Path, settings: Mapping[str, Any]) -> None:
+    """Raises InputError, in words, for a folder of other problems, where `RowLog` could only tell digests apart."""
+    rows = out / "rows.jsonl"
+    try:
+        begun = json.loads(rows.read_bytes().partition(b"\n")[0])
+    except (OSError, ValueError):
+        return  # there is none, or RowLog says what is wrong with it
+    if not isinstance(begun, dict):
+        return
+    others = {"problems": "other problems", "urdf": "another robot", "srdf": "another --srdf"}
+    if "problems" not in begun:
+        said = ["the package's own experiments"] if "problems" in settings else []
+    elif "problems" not in settings:
+        said = ["problems of your own"]
+    else:
+        said = [words for key, words in others.items() if begun.get(key) != settings[key]]
+    if said:
+        raise InputError(f"{rows}: is of {', '.join(said)}; expected a new --out, or --force")
 
 
 _robot: UserRobot

@@ -21,6 +21,9 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
     queries, problems = of.get("query", []), of.get("problem", [])
     parts = [
         "<h1>Planning and picks with true poses</h1>",
+        "<p>What is measured: inverse kinematics of reachable poses of the hand, paths that picks from poured tables "
+        "ask for, paths in and out of shelves and cages and under tables, and picks in simulated physics, of objects "
+        "alone and in clutter, whose true poses are told.</p>",
         page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in aims]),
         page.table(
             ("figure", "value", "aim"),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from sum_drake.commands import bench_plan
 from sum_drake.commands.common import (
+    AGAIN,
     Commands,
     Counting,
     add_catalogue,
@@ -16,6 +17,7 @@ from sum_drake.commands.common import (
     check_device,
     check_free,
     check_free_or_begun,
+    kept_if_interrupted,
 )
 
 
@@ -74,7 +76,7 @@ def _bench_speed(options: argparse.Namespace) -> None:
 
 def _add_pose(benches: Commands) -> None:
     one = add_command(benches, "pose", _bench_pose, "pose estimates beside other methods", "bench pose --out out/pose")
-    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help=AGAIN)
     one.add_argument("--quick", action="store_true", help="a tenth of the scenes, one seed")
     one.add_argument("--seed", type=int, metavar="S", default=0, help="of scenes and meshes (default: 0)")
     one.add_argument("--scenes", type=int, metavar="N", help="how many scenes (default: 40, or 4 with --quick)")
@@ -103,18 +105,19 @@ def _bench_pose(options: argparse.Namespace) -> None:
     check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
-    found = bench_pose(
-        options.out,
-        catalogue,
-        quick=options.quick,
-        scenes=options.scenes,
-        seed=options.seed,
-        methods=options.methods or tuple(METHODS),
-        workers=options.workers,
-        device=options.device,
-        anew=options.force,
-        progress=Counting(quiet=options.quiet),
-    )
+    with kept_if_interrupted(options):
+        found = bench_pose(
+            options.out,
+            catalogue,
+            quick=options.quick,
+            scenes=options.scenes,
+            seed=options.seed,
+            methods=options.methods or tuple(METHODS),
+            workers=options.workers,
+            device=options.device,
+            anew=options.force,
+            progress=Counting(quiet=options.quiet),
+        )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
 
@@ -122,7 +125,7 @@ def _bench_pose(options: argparse.Namespace) -> None:
 def _add_reject(benches: Commands) -> None:
     text = "whether a belief can be trusted, and what it makes of faults"
     one = add_command(benches, "reject", _bench_reject, text, "bench reject --out out/reject")
-    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help=AGAIN)
     one.add_argument("--quick", action="store_true", help="fewer tables, scenes and sequences")
     one.add_argument("--seed", type=int, metavar="S", default=0, help="of tables and meshes (default: 0)")
     add_catalogue(one)
@@ -143,15 +146,16 @@ def _bench_reject(options: argparse.Namespace) -> None:
     check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
-    found = bench_reject(
-        options.out,
-        catalogue,
-        size=QUICK if options.quick else FULL,
-        seed=options.seed,
-        workers=options.workers,
-        anew=options.force,
-        progress=Counting(quiet=options.quiet),
-    )
+    with kept_if_interrupted(options):
+        found = bench_reject(
+            options.out,
+            catalogue,
+            size=QUICK if options.quick else FULL,
+            seed=options.seed,
+            workers=options.workers,
+            anew=options.force,
+            progress=Counting(quiet=options.quiet),
+        )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sum_drake.assets import InputError
 from sum_drake.commands.common import (
+    AGAIN,
     Commands,
     Counting,
     add_catalogue,
@@ -14,6 +15,7 @@ from sum_drake.commands.common import (
     add_quiet,
     check_count,
     check_free_or_begun,
+    kept_if_interrupted,
 )
 
 
@@ -21,8 +23,8 @@ def add(benches: Commands) -> None:
     """Declares the command."""
     text = "inverse kinematics, paths, picks with true poses; or problems of your own"
     one = add_command(benches, "plan", _bench_plan, text, "bench plan --out out/plan")
-    one.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder; called again, it goes on")
-    one.add_argument("--quick", action="store_true", help="a few of each, under 5 minutes")
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help=AGAIN)
+    one.add_argument("--quick", action="store_true", help="a few of each, under 5 minutes on two idle cores")
     one.add_argument("--seed", type=int, metavar="S", default=0, help="of poses, picks and searches (default: 0)")
     add_catalogue(one)
     add_parallel(one, "--workers", "processes")
@@ -50,15 +52,16 @@ def _bench_plan(options: argparse.Namespace) -> None:
 
     check_free_or_begun(options, FILES)
     catalogue = load_catalogue(options.catalogue)
-    found = bench_plan(
-        options.out,
-        catalogue,
-        size=QUICK if options.quick else FULL,
-        seed=options.seed,
-        workers=options.workers,
-        anew=options.force,
-        progress=Counting(quiet=options.quiet),
-    )
+    with kept_if_interrupted(options):
+        found = bench_plan(
+            options.out,
+            catalogue,
+            size=QUICK if options.quick else FULL,
+            seed=options.seed,
+            workers=options.workers,
+            anew=options.force,
+            progress=Counting(quiet=options.quiet),
+        )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
 
@@ -74,17 +77,18 @@ def _solve_problems(options: argparse.Namespace) -> None:
     from sum_drake.bench.plan_own import FILES, TIME_LIMIT, bench_problems
 
     check_free_or_begun(options, FILES)
-    found, notes = bench_problems(
-        options.out,
-        options.problems,
-        options.urdf,
-        options.srdf,
-        time_limit=options.time_limit or TIME_LIMIT,
-        seed=options.seed,
-        workers=options.workers,
-        anew=options.force,
-        progress=Counting(quiet=options.quiet),
-    )
+    with kept_if_interrupted(options):
+        found, notes = bench_problems(
+            options.out,
+            options.problems,
+            options.urdf,
+            options.srdf,
+            time_limit=options.time_limit or TIME_LIMIT,
+            seed=options.seed,
+            workers=options.workers,
+            anew=options.force,
+            progress=Counting(quiet=options.quiet),
+        )
     if not options.quiet:
         for note in notes:
             print(note, file=sys.stderr)

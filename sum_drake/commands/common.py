@@ -1,10 +1,11 @@
 """What several commands share: how they are declared, what they refuse, how they count."""
 
 import argparse
+import contextlib
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,6 +13,8 @@ from sum_drake.assets import InputError
 
 Commands: TypeAlias = "argparse._SubParsersAction[Any]"
 """What `argparse.ArgumentParser.add_subparsers` returns."""
+AGAIN = "folder; called again, it goes on until it is done"
+"""Help of --out, where a bench keeps what it has done."""
 
 
 def add_command(
@@ -125,3 +128,18 @@ def check_free_or_begun(options: argparse.Namespace, files: Sequence[str]) -> No
     begun = (options.out / "rows.jsonl").is_file() and not (options.out / files[0]).is_file()
     if options.force or not begun:
         check_free(options.out, files, force=options.force, what="bench")
+
+
+@contextlib.contextmanager
+def kept_if_interrupted(options: argparse.Namespace) -> Iterator[None]:
+    """Within, an interrupt says what a bench has kept in --out and how it goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if sys.stderr.isatty() and not options.quiet:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        rows = options.out / "rows.jsonl"
+        if not rows.is_file():
+            raise KeyboardInterrupt("nothing was written") from None
+        same = "the same command without --force" if options.force else "the same command"
+        raise KeyboardInterrupt(f"{rows} keeps what was done: {same} goes on") from None
