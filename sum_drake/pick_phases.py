@@ -1,7 +1,7 @@
 """What picks, places and retreats share: the scene as each phase of the motion sees it, and two kinds of segment."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -63,17 +63,16 @@ class PhaseScenes:
         others: Sequence[Solid],
         points: Array,
         config: PickConfig,
-        *,
-        neighbour_padding: float,
-    ) -> "PhaseScenes":
-        """neighbour_padding: distance kept from `others` near the grasp, metres."""
+    ) -> "Iterator[PhaseScenes]":
+        """One for each of `config.neighbour_paddings`."""
         loose = solids_of_points(unexplained(points, others, config.explained), size=config.point_size)
         # The object and the points come first, so that no other solid of the same name is meant by theirs.
         full = scene.with_solids((target, *loose, *others))
         around = padded(full, config)
-        near = full.padded(furniture=config.reach_padding, solids=neighbour_padding, self_distance=config.self_padding)
-        close = near.ignoring(*full.names[: 1 + len(loose)])
-        return PhaseScenes(around, close, around.ignoring(full.names[0]), config)
+        cleared = around.ignoring(full.names[0])
+        for padding in config.neighbour_paddings:
+            near = full.padded(furniture=config.reach_padding, solids=padding, self_distance=config.self_padding)
+            yield PhaseScenes(around, near.ignoring(*full.names[: 1 + len(loose)]), cleared, config)
 
 
 def padded(scene: PlanningScene, config: PickConfig) -> PlanningScene:

@@ -107,8 +107,7 @@ def plan_pick_place(
     others = [solid_of(other, X, margin=margin) for (other, X), margin in zip(obstacles, kept, strict=True)]
     points = np.empty((0, 3)) if points_W is None else points_W
     found: PickPlan | Infeasible | None = None
-    for padding in config.neighbour_paddings:
-        scenes = PhaseScenes.make(scene, target, others, points, config, neighbour_padding=padding)
+    for scenes in PhaseScenes.make(scene, target, others, points, config):
         found = _plan(
             arm, scenes, ranked, target, model, region, q_now, fill, spots, np.random.default_rng(seed)
         )  # fmt: skip
