@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sum_drake import action_model, belief, faults, grasp_ranking, pick_phases, reflex, runlog, summary_schema
@@ -54,3 +55,15 @@ def test_events_are_listed() -> None:
 def test_links_within_the_page_lead_somewhere() -> None:
     heads = [re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in re.findall(r"^#+ (.*)", FORMATS, re.M)]
     assert set(re.findall(r"\(#([^)]*)\)", FORMATS)) <= set(heads)
+
+
+def test_planning_from_python_works_as_it_stands(capsys: pytest.CaptureFixture[str]) -> None:
+    section = FORMATS[FORMATS.index("### Planning from Python") :]
+    found = re.search(r"```python\n(.*?)```", section, re.DOTALL)
+    assert found is not None
+    names: dict[str, Any] = {}
+    exec(found[1], names)
+    path, X_WG = names["path"], names["X_WG"]
+    assert path.qs.shape[1] == 8 and capsys.readouterr().out
+    np.testing.assert_allclose(names["arm"].forward(path.qs[-1]), X_WG, atol=1e-6)
+    assert X_WG[2, 0] < -0.9 and names["scene"].path_free(path.qs)
