@@ -56,3 +56,13 @@ def failed(label: str, attempts: Sequence[Attempt]) -> list[Attempt]:
     """The tries at objects of a label that count as such: all for which the arm set out, but for moves that worked."""
     set_out = [a for a in attempts if a.label == label and a.action is not None]
     return [a for a in set_out if a.kind != MOVE or a.reason != "executed"]
+
+
+def worn_out(label: str, attempts: Sequence[Attempt], limit: int) -> bool:
+    """Whether objects of a label were tried `limit` times since another was brought away, or twice as often in all.
+
+    What went wrong beside a neighbour may work once that is gone.
+    """
+    gone = [i for i, a in enumerate(attempts) if a.label != label and a.action is not None and a.reason == "executed"]
+    since = attempts[gone[-1] + 1 :] if gone else attempts
+    return len(failed(label, since)) >= limit or len(failed(label, attempts)) >= 2 * limit

@@ -113,7 +113,7 @@ def _ranged(planner: Any) -> Any:
     return planner
 
 
-SLACK = 1e-3
+SLACK = 5e-3
 """Radians (and metres) by which start and goals may be beyond joint limits: an arm is measured a hair beyond, too."""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sum_drake.geometry import rotation_from_vector, transform
-from sum_drake.making_way import been, blockers, failed, moves, nearest
+from sum_drake.making_way import been, blockers, failed, moves, nearest, worn_out
 from sum_drake.types import Attempt, PickPlace, PoseBelief, Track, readonly
 
 EYE = readonly(np.eye(4))
@@ -49,6 +49,17 @@ def test_moves_count_as_such_and_as_failures_only_where_they_failed():
     assert moves("tide", history) == [moved, missed]
     assert failed("tide", history) == [picked, missed]
     assert failed("sugar", history) == moves("sugar", history) == []
+
+
+def test_what_failed_three_times_is_tried_again_when_another_is_gone_but_not_for_ever():
+    missed, other = attempt("pick_place", "empty_hand"), attempt("pick_place")
+    gone = dataclasses.replace(other, label="mug")
+    still_there = dataclasses.replace(gone, reason="empty_hand")
+    assert not worn_out("tide", [missed] * 2, 3)
+    assert worn_out("tide", [missed] * 3, 3)
+    assert worn_out("tide", [missed] * 3 + [still_there], 3)
+    assert not worn_out("tide", [missed] * 3 + [gone], 3)
+    assert worn_out("tide", [missed] * 3 + [gone] + [missed] * 3 + [gone], 3)
 
 
 def test_where_it_has_been_is_told_by_the_grasp():
