@@ -100,10 +100,10 @@ PLANNERS: dict[str, Callable[[Any], Any]] = {
     "lbkpiece": og.LBKPIECE1,
     "kpiece": og.KPIECE1,
     "bit_star": og.BITstar,
-    "prm": og.PRM,
 }
 """OMPL's planners that were tried, by name (`benchmarks/planners.py`). RRT-Connect (Kuffner and LaValle 2000) is used:
-the quickest where paths are easy, and among the surest where they are hard."""
+the quickest where paths are easy, and among the surest where they are hard. PRM looks for its solution in a thread of
+its own, so that no seed would repeat it."""
 RANGE = 1.2
 """Length of a tree's edges, seconds at full speed."""
 

@@ -51,6 +51,12 @@ class PhaseScenes:
     cleared: PlanningScene
     """`around` without the object: once it has been let go, or is in the hand."""
     config: PickConfig
+    drags: bool = False
+    """Whether lifting the object may take along what lies or leans on it."""
+
+    def lifts(self, held: PlanningScene, path: Array) -> bool:
+        """Whether the object in the hand, in the scene `held`, comes clear on its way up, path (k, 8)."""
+        return comes_clear(held, path, drags=self.drags)
 
     def moved(self, target: Solid) -> PlanningScene:
         """`around` with the object where it has been set down."""
@@ -63,6 +69,8 @@ class PhaseScenes:
         others: Sequence[Solid],
         points: Array,
         config: PickConfig,
+        *,
+        drags: bool = False,
     ) -> "Iterator[PhaseScenes]":
         """One for each of `config.neighbour_paddings`."""
         loose = solids_of_points(unexplained(points, others, config.explained), size=config.point_size)
@@ -72,7 +80,7 @@ class PhaseScenes:
         cleared = around.ignoring(full.names[0])
         for padding in config.neighbour_paddings:
             near = full.padded(furniture=config.reach_padding, solids=padding, self_distance=config.self_padding)
-            yield PhaseScenes(around, near.ignoring(*full.names[: 1 + len(loose)]), cleared, config)
+            yield PhaseScenes(around, near.ignoring(*full.names[: 1 + len(loose)]), cleared, config, drags)
 
 
 def padded(scene: PlanningScene, config: PickConfig) -> PlanningScene:
@@ -129,11 +137,12 @@ def met(scene: PlanningScene, qs: Array) -> str:
     return f"_{depths[0][1]}" if depths else ""
 
 
-def comes_clear(scene: PlanningScene, path: Array) -> bool:
+def comes_clear(scene: PlanningScene, path: Array, *, drags: bool = False) -> bool:
     """Whether path (k, 8), at whose start things may touch, leads away from them, and is free from there on.
 
     It may go no deeper into any solid, by more than DEEPER, than it was before, and from the first configuration in
-    which nothing touches it is free. Furniture may be touched until then: what lay on the table leaves it.
+    which nothing touches it is free. Furniture may be touched until then: what lay on the table leaves it. With
+    `drags`, solids may be gone through until then, too.
     """
     steps = np.ceil(np.abs(np.diff(path, axis=0)).max(1) / DENSE).astype(int).clip(1)
     dense = np.concatenate(
@@ -142,7 +151,7 @@ def comes_clear(scene: PlanningScene, path: Array) -> bool:
     free = scene.free_many(dense)
     if not free[-1] or not scene.path_free(dense[free.argmax() :], FINE):
         return False
-    if free[0]:
+    if free[0] or drags:
         return True
     slack = {name: DEEPER.get(name, DEEPER[""]) for name in scene.names}
     away = -max(scene.checker.GetLargestPadding(), 0.0)  # what is farther off is not told

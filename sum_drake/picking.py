@@ -29,7 +29,6 @@ from sum_drake.pick_phases import (
     PhaseScenes,
     PickWay,
     along_x,
-    comes_clear,
     first_free,
     met,
     opening,
@@ -90,14 +89,15 @@ def plan_pick_place(
     config: PickConfig,
     fill: float = 0.0,
     spots: Sequence[Array] | None = None,
+    drags: bool = False,
 ) -> PickPlan | Infeasible:
     """The first of the ranked grasps that can be picked, carried to the region and let go, with its motions.
 
     scene: robot and furniture. X_WO: (4, 4), of the object to move. q_now: (8,). obstacles: the other believed objects
     and their poses. margins: how uncertain each of these is, metres: kept from it besides the usual; none where empty.
-    points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be
-    filled, metres above its floor. spots: (4, 4) poses to set the object down at, instead of letting it go anywhere
-    over the region. A function of its arguments; 2 to 3 CPU seconds.
+    points_W: (m, 3) depth points that are not of the object. fill: how high the region is known to be filled, metres
+    above its floor. spots: (4, 4) poses to set the object down at, instead of letting it go anywhere over the region.
+    drags: whether lifting it may take along what lies or leans on it. A function of its arguments; 2 to 3 CPU seconds.
 
     The hand was tested against points_W when the grasps were ranked, so close to the grasp only furniture and the
     hulls of other objects count; everything counts while the arm goes around things.
@@ -107,7 +107,7 @@ def plan_pick_place(
     others = [solid_of(other, X, margin=margin) for (other, X), margin in zip(obstacles, kept, strict=True)]
     points = np.empty((0, 3)) if points_W is None else points_W
     found: PickPlan | Infeasible | None = None
-    for scenes in PhaseScenes.make(scene, target, others, points, config):
+    for scenes in PhaseScenes.make(scene, target, others, points, config, drags=drags):
         found = _plan(
             arm, scenes, ranked, target, model, region, q_now, fill, spots, np.random.default_rng(seed)
         )  # fmt: skip
@@ -231,7 +231,7 @@ def _find_pick(
             held = held or scenes.cleared.holding(target.hulls, inverse(X) @ target.X_WS).with_gap(width)
             for height in config.lifts:
                 for lift in cartesian_path(arm, X, shifted(X, np.array([0, 0, height])), q, count=2):
-                    if comes_clear(held, lift) and gripped.path_free(lift, 0.01):
+                    if scenes.lifts(held, lift) and gripped.path_free(lift, 0.01):
                         return PickWay(X, reach[::-1], lift, held)
                     if found.cause == "lift":
                         found = GivenUp("lift", "lift" + (met(held, lift[:0:-1]) or met(gripped, lift)))

@@ -13,6 +13,7 @@ import numpy as np
 
 from sum_drake.carrying import plan_carrying_on
 from sum_drake.existence import LIKELY
+from sum_drake.explaining import parted
 from sum_drake.geometry import apply, rotation_angle, transform
 from sum_drake.grasp_ranking import RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
@@ -219,7 +220,17 @@ class SortingTask:
             choice = attempt(unsure.pop(next(iter(unsure))))
         if choice is None:
             choice = self._help(now, stuck, refused, helped, unsure, attempt)
-        return choice, refused
+        return choice or self._drag(now, stuck), refused
+
+    def _drag(self, now: _Now, stuck: Sequence[tuple[Prospect, Attempt | None]]) -> Pick | None:
+        """Takes what lies under another, where nothing else can be done: what is dragged along is found again."""
+        for prospect, given_up in stuck:
+            if given_up is not None and any(parted(cause)[0] == "lift" for cause, _ in given_up.rejected_by):
+                plan = self._try(now, prospect, given_up.region, drags=True)
+                if isinstance(plan, PickPlan):
+                    words = why(self._config.policy, prospect) + "; as nothing else can be, with what lies on it"
+                    return Pick(plan, prospect.track, given_up.region, (), "pick_place", words)
+        return None
 
     def _help(
         self,
@@ -322,11 +333,18 @@ class SortingTask:
         return Prospect(track, now.points_W[kept], rank, drag)
 
     def _try(
-        self, now: _Now, prospect: Prospect, region: str, *, move: bool = False, for_whom: Track | None = None
+        self,
+        now: _Now,
+        prospect: Prospect,
+        region: str,
+        *,
+        move: bool = False,
+        for_whom: Track | None = None,
+        drags: bool = False,
     ) -> PickPlan | Attempt:
         """A plan for one object, or the attempt given up before anything moved.
 
-        move: to set it down where it has not been, out of the way of `for_whom`.
+        move: to set it down where it has not been, out of the way of `for_whom`. drags: as for `plan_pick_place`.
         """
         track, step = prospect.track, now.perception.step
         if worn_out(track.label, now.attempts, self._config.max_attempts):
@@ -348,6 +366,7 @@ class SortingTask:
             config=self._pick_config,
             fill=self._fill(region, now.attempts),
             spots=self._spots(now, prospect, region, move, for_whom),
+            drags=drags,
         )
         if isinstance(plan, Infeasible):
             counts = plan.grasp_candidates, plan.rejected_by

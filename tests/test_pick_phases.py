@@ -40,6 +40,7 @@ def test_what_touches_beside_may_go_along_and_what_lies_on_top_may_not(furniture
     for x in (0.6, 0.63):
         assert not comes_clear(*lifted(furniture, cube(x, 0.721 + 0.0402)))
     assert not comes_clear(*lifted(furniture, cube(0.6, 0.85))), "not through what is above the hand either"
+    assert comes_clear(*lifted(furniture, cube(0.63, 0.721 + 0.0402)), drags=True)
 
 
 def test_a_way_that_is_blocked_after_it_came_clear_is_not_clear(furniture):

@@ -7,7 +7,7 @@ import pytest
 from scenes import TABLE, observe, standing
 
 from sum_drake import timing
-from sum_drake.geometry import apply, rotation_from_vector
+from sum_drake.geometry import apply, rotation_from_vector, transform
 from sum_drake.grasping import GraspConfig
 from sum_drake.kinematics import Arm
 from sum_drake.objects import load_catalogue, sample_surface
@@ -450,3 +450,17 @@ def test_what_is_hidden_to_the_end_is_an_attempt_given_up():
     hidden = dataclasses.replace(believe("mug", standing(CATALOGUE, "mug", 0.6, 0.1), accepted=False), seen=-1)
     stop = make_task().decide(see({}, [hidden]), (), CONFIG.max_looks - 1, VIEW)
     assert [(refused.label, refused.reason) for refused in stop.refused] == [("mug", "not_seen")]
+
+
+def test_what_lies_under_something_is_taken_all_the_same_where_nothing_else_can_be_done():
+    model = CATALOGUE["sugar"]
+    lying = rotation_from_vector(np.array([0.0, np.pi / 2, 0.0]))
+    flat = transform(lying, np.array([0.55, 0.0, 0.70 + model.dimensions[0] / 2]))
+    on_it = standing(CATALOGUE, "tea", 0.61, 0.0)
+    on_it[2, 3] += model.dimensions[0]
+    task = make_task(goal={"sugar": "non_cleaning_bin"})  # the tea is to be left alone
+    tracks = [believe("sugar", flat, 0), believe("tea", on_it, 1)]
+    choice = task.decide(see({"sugar": flat, "tea": on_it}, tracks), (), 0, VIEW)
+    assert isinstance(choice, Pick) and choice.track.label == "sugar"
+    assert "with what lies on it" in choice.why
+    assert [attempt.reason for attempt in choice.refused] == ["lift"]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 import json
 import time
 from collections.abc import Sequence
@@ -110,12 +111,13 @@ class _Deciding:
             return Stop("cleared", ())
         start = time.process_time()
         refused: list[Attempt] = []
-        for number, label in enumerate(self.order):
-            choice = plan_pick(self.robot, X_WOs, label, q, self.seed, number)
+        for drags, (number, label) in itertools.product((False, True), enumerate(self.order)):
+            choice = plan_pick(self.robot, X_WOs, label, q, self.seed, number, drags=drags)
             if isinstance(choice, Pick):
                 self.cpu_s += time.process_time() - start
                 return dataclasses.replace(choice, refused=tuple(refused))
-            refused.append(choice)
+            if not drags:
+                refused.append(choice)
         self.cpu_s += time.process_time() - start
         return Stop("stopped: no object can be attempted", tuple(refused))
 
@@ -159,7 +161,9 @@ class _Deciding:
         )
 
 
-def plan_pick(known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, number: int) -> Pick | Attempt:
+def plan_pick(
+    known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, number: int, *, drags: bool = False
+) -> Pick | Attempt:
     """A plan for the object called `label`, or the attempt given up before anything moved."""
     catalogue, scenario = known.catalogue, known.scenario
     model, X_WO = catalogue[label], X_WOs[label]
@@ -188,6 +192,7 @@ def plan_pick(known: _Robot, X_WOs: Poses, label: str, q: Array, seed: int, numb
         points_W=points_W,
         seed=derive(seed, f"plan {number}"),
         config=scenario.pick,
+        drags=drags,
     )
     if isinstance(plan, PickPlan):
         box: Box = (0.0, 0.0, 1.0, 1.0)
