@@ -35,6 +35,7 @@ CAUSES = {
 REASONS = {
     "executed": "done",
     "too_many_failures": "it was tried as often as allowed",
+    "fell_off": "it lies beside the table",
     "not_seen": "it is believed to be there, but cannot be seen",
 }
 """Words for some reasons of attempts; the others need none."""

@@ -186,6 +186,9 @@ class _Scorer:
         tracks = [track for track in self.perceptions[step].posterior.tracks if track.label == label]
         X_WO = dict(self.truths[step].X_WOs).get(label)
         if X_WO is None or where_is(X_WO, self.regions) != "table":
+            fallen = [track for track in tracks if track.accepted and self._is_right(step, label, track.X_WO)]
+            if fallen:
+                return f"found where it fell, {fallen[0].probability:.2f}"
             ended = [gone.reason for past in self.perceptions[first : step + 1] for gone in past.posterior.gone
                      if gone.label == label]  # fmt: skip
             if any(track.probability >= LIKELY for track in tracks):

@@ -36,6 +36,8 @@ MARGIN_SHARE, MARGIN_MAX = 0.75, 0.02
 """From a neighbour the arm keeps as much more as this share of its belief is away from its estimate, at most metres."""
 NEIGHBOUR_POINTS = 600
 """On the surface of each believed neighbour, that the hand must not touch."""
+BELOW = 0.03
+"""What lies this much below the table's top has fallen off, metres."""
 SHOWN = 0.5
 """Share of the table that must be seen with depth before it counts as clear."""
 ROUND = 0.10
@@ -152,7 +154,8 @@ class SortingTask:
         believed = tuple(track for track in perception.posterior.tracks if track.accepted)
         off = {track.id: distances(points_W, self._catalogue[track.label], track.X_WO) for track in believed}
         now = _Now(perception, attempts, q, points_W, believed, off)
-        wanted = [track for track in believed if not self._is_in_place(track)]
+        fallen = [track for track in believed if self._has_fallen(track)]
+        wanted = [track for track in believed if not self._is_in_place(track) and track not in fallen]
         choice, refused = self._choose(now, wanted)
         if choice is not None:
             return dataclasses.replace(choice, refused=tuple(refused))
@@ -164,9 +167,10 @@ class SortingTask:
         unseen = [track for track in perception.posterior.tracks if track.seen < perception.step]
         hidden = [track.label for track in unseen if self._may_be_hidden(track, believed)]
         if not wanted and not hidden and shown >= SHOWN and count < self._config.clear_points:
-            return Stop("cleared", ())
+            return Stop("cleared", tuple(self._refusal(now, track, "fell_off") for track in fallen))
         if looks + 1 < self._config.max_looks:
             return Look(tuple(refused))
+        refused += [self._refusal(now, track, "fell_off") for track in fallen]
         refused += [self._refusal(now, track, "not_seen") for track in unseen if track.label in hidden]
         if wanted:
             ids = {track.id for track in wanted}
@@ -183,6 +187,11 @@ class SortingTask:
         """Whether an object that was not detected, and is not accepted, may be there all the same."""
         rivals = any(track.label == other.label for other in believed)
         return not track.accepted and track.probability >= LIKELY and not rivals and not self._is_in_place(track)
+
+    def _has_fallen(self, track: Track) -> bool:
+        """Whether an object lies beside the table, below its top, where nobody can sort it."""
+        inside = any(region.holds(track.X_WO[:3, 3]) for region in self._regions.values())
+        return not inside and track.X_WO[2, 3] < self._regions["table"].floor_height - BELOW
 
     def _is_in_place(self, track: Track) -> bool:
         """Whether nothing needs to be done with an object: it is to be left alone, or lies where it belongs."""

@@ -105,6 +105,18 @@ def test_what_was_taken_is_declared_gone_with_its_reason(story, catalogue):
     assert (row["dealt_with_after"], row["belief"]) == (1, "gone: empty")
 
 
+def test_what_fell_may_be_believed_in_only_where_it_lies(story, catalogue):
+    here, floor = standing(catalogue, "mug", 0.6, 0.1), standing(catalogue, "mug", 0.5, -0.75)
+    floor[2, 3] = 0.05
+    story.look([track(0, "mug", here)], {"mug": here})
+    story.look([track(0, "mug", here)], {"mug": floor})
+    acts = [HandAct(0, "swept", 0, 3.0, "mug")]
+    assert story.told(FaultConfig("swept", 0), acts=acts)["dealt_with_after"] is None
+    story.look([track(1, "mug", floor)], {"mug": floor})
+    row = story.told(FaultConfig("swept", 0), acts=acts)
+    assert (row["dealt_with_after"], row["belief"]) == (2, "found where it fell, 0.90")
+
+
 def test_a_fault_that_never_came_is_told_as_such(story):
     story.look([], {})
     for kind in ("swept", "slipped", "dropped"):

@@ -446,6 +446,14 @@ def test_an_area_without_room_is_told(can_seen):
     assert look.refused[0].reason == "no_place"
 
 
+def test_what_fell_off_the_table_is_told_and_not_waited_for():
+    fallen = standing(CATALOGUE, "tide", 0.5, -0.75)
+    fallen[2, 3] -= REGIONS["table"].floor_height
+    stop = make_task().decide(see({}, [believe("tide", fallen)]), (), 0, VIEW)
+    assert isinstance(stop, Stop) and stop.outcome == "cleared"
+    assert [(refused.label, refused.reason) for refused in stop.refused] == [("tide", "fell_off")]
+
+
 def test_what_is_hidden_to_the_end_is_an_attempt_given_up():
     hidden = dataclasses.replace(believe("mug", standing(CATALOGUE, "mug", 0.6, 0.1), accepted=False), seen=-1)
     stop = make_task().decide(see({}, [hidden]), (), CONFIG.max_looks - 1, VIEW)
