@@ -232,8 +232,11 @@ class SortingTask:
         return choice or self._drag(now, stuck), refused
 
     def _drag(self, now: _Now, stuck: Sequence[tuple[Prospect, Attempt | None]]) -> Pick | None:
-        """Takes what lies under another, where nothing else can be done: what is dragged along is found again."""
-        for prospect, given_up in stuck:
+        """Takes what lies under another, where nothing else can be done: what is dragged along is found again.
+
+        The first is the one whose neighbours are likeliest to stay: rather what lies on top than what lies below.
+        """
+        for prospect, given_up in sorted(stuck, key=lambda one: -one[0].stay):
             if given_up is not None and any(parted(cause)[0] == "lift" for cause, _ in given_up.rejected_by):
                 plan = self._try(now, prospect, given_up.region, drags=True)
                 if isinstance(plan, PickPlan):
