@@ -46,6 +46,12 @@ def test_what_no_hand_could_take_counts_as_failed():
     assert AIMS.keys() <= found.keys()
 
 
+def test_a_table_without_any_plan_is_refused_as_a_whole():
+    none = dataclasses.replace(NO_PLAN, setting="clutter", refused=(("tide", "lift"), ("tea", "ik")))
+    assert pick_figures([none])["clutter_refused"] == 1.0
+    assert pick_figures([none, dataclasses.replace(WORKED, setting="clutter")])["clutter_refused"] == 3 / 4
+
+
 def test_without_picks_there_is_nothing_to_tell():
     found = pick_figures([])
     assert np.isnan([found["pick_success_alone"], found["slip_p95_m"], found["speed_use"]]).all()

@@ -117,7 +117,7 @@ class _Deciding:
             choice = plan_pick(self.robot, X_WOs, label, q, self.seed, number, drags=drags)
             if isinstance(choice, Pick):
                 self.cpu_s += time.process_time() - start
-                return dataclasses.replace(choice, refused=tuple(refused))
+                return dataclasses.replace(choice, refused=tuple(r for r in refused if r.label != label))
             if not drags:
                 refused.append(choice)
         self.cpu_s += time.process_time() - start

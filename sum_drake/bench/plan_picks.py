@@ -121,7 +121,8 @@ def pick_figures(picked: Sequence[Picked]) -> dict[str, float]:
         found[f"pick_success_{setting}_executed"] = _share([one.succeeded for one in of if one.phase != "plan"])
     clutter = [one for one in picked if one.setting == "clutter"]
     tried = sum(1 + len(one.refused) for one in clutter)
-    found["clutter_refused"] = sum(len(one.refused) for one in clutter) / tried if tried else np.nan
+    refused = sum(len(one.refused) + (one.phase == "plan") for one in clutter)
+    found["clutter_refused"] = refused / tried if tried else np.nan
     found["clutter_knocked_off"] = _share([bool(one.knocked_off) for one in clutter])
     pushed = [one.pushed_m for one in clutter if one.phase != "plan"]
     found["clutter_pushed_median_m"] = float(np.median(pushed)) if pushed else np.nan
