@@ -52,7 +52,7 @@ def run_picks(
     """Does what `decide` says until that is to stop, or `duration` seconds of simulated time are over.
 
     X_WOs: of what is on the table. decide: given the true poses, the attempts so far and the arm's positions (8,).
-    retreat, carry_on, shake: as of `SortingTask`, but given the true poses at the last decision. A simulation that
+    retreat, carry_on, shake: as of `Recovering`, but given the true poses at the last decision. A simulation that
     fails ends the trial, and its outcome says so.
     """
     told: dict[int, Poses] = {}

@@ -30,7 +30,7 @@ from sum_drake.prospects import POLICIES
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.object_detector import ObjectDetectorConfig
 from sum_drake.systems.pouring import PouringConfig
-from sum_drake.task import TaskConfig
+from sum_drake.task_config import TaskConfig
 from sum_drake.types import LEAVE, Region, readonly
 from sum_drake.yamlio import parse_yaml
 

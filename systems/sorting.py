@@ -12,6 +12,7 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from sum_drake import belief
 from sum_drake.assets import MODELS, InputError, one_line
+from sum_drake.attempting import Attempting
 from sum_drake.belief import BeliefConfig, Estimator
 from sum_drake.costs import Costs
 from sum_drake.detection.inference import Detector, load_detector
@@ -22,6 +23,7 @@ from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.presence import PresenceCheck
+from sum_drake.recovering import Recovering
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
@@ -91,17 +93,31 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
 
     On the robot's own model of itself and the table.
     """
-    task = SortingTask(
+    arm, scene = Arm(), PlanningScene(flat_directives(scenario.directives))
+    regions = {name: scenario.region(name) for name in scenario.regions}
+    seed = derive(scenario.random_seed, "planning")
+    attempting = Attempting(
         catalogue=catalogue,
-        arm=Arm(),
-        scene=PlanningScene(flat_directives(scenario.directives)),
-        regions={name: scenario.region(name) for name in scenario.regions},
+        arm=arm,
+        scene=scene,
+        regions=regions,
         goal=scenario.goal,
         config=scenario.task,
         grasp_config=scenario.grasp,
         pick_config=scenario.pick,
         placing_config=scenario.placing,
-        seed=derive(scenario.random_seed, "planning"),
+        seed=seed,
+    )
+    task = SortingTask(attempting, regions=regions, config=scenario.task)
+    recovering = Recovering(
+        catalogue=catalogue,
+        arm=arm,
+        scene=scene,
+        table=regions["table"],
+        clear_height=scenario.task.clear_height,
+        max_points=scenario.task.max_obstacle_points,
+        config=scenario.pick,
+        seed=seed,
     )
 
     def decide(perception: Perception, attempts: Sequence[Attempt], looks: int, q: Array) -> Pick | Look | Stop:
@@ -110,15 +126,15 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
 
     def retreat(perception: Perception, q: Array, motion: int) -> Motion:
         with costs.of("planning"):
-            return task.retreat(perception, q, motion)
+            return recovering.retreat(perception, q, motion)
 
     def carry_on(perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
         with costs.of("planning"):
-            return task.carry_on(perception, pick, q, motion)
+            return recovering.carry_on(perception, pick, q, motion)
 
     def shake(perception: Perception, pick: Pick, q: Array, motion: int, times: int) -> Motion:
         with costs.of("planning"):
-            return task.shake(perception, pick, q, motion, times)
+            return recovering.shake(perception, pick, q, motion, times)
 
     return decide, retreat, carry_on, shake
 

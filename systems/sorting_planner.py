@@ -19,11 +19,11 @@ from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Per
 Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Stop]
 """`task.SortingTask.decide`."""
 Retreat = Callable[[Perception, Array, int], Motion]
-"""`task.SortingTask.retreat`."""
+"""`recovering.Recovering.retreat`."""
 CarryOn = Callable[[Perception, Pick, Array, int], Motion]
-"""`task.SortingTask.carry_on`."""
+"""`recovering.Recovering.carry_on`."""
 Shake = Callable[[Perception, Pick, Array, int, int], Motion]
-"""`task.SortingTask.shake`."""
+"""`recovering.Recovering.shake`."""
 PUSHING = 2.0
 """So much more resistance is put up with by picks of an object whose neighbours were met before."""
 CARRY_ONS = 2

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sum_drake.attempting import region_of
 from sum_drake.evaluation import Truth, digest, score_attempts, score_observation, summary
 from sum_drake.faults import score_faults
 from sum_drake.objects import Catalogue
@@ -12,7 +13,6 @@ from sum_drake.rendering import DepthRenderer
 from sum_drake.systems.episode import Episode
 from sum_drake.systems.referee import TruthSample, transport_slip
 from sum_drake.systems.scenario import Scenario
-from sum_drake.task import region_of
 from sum_drake.types import Array, Attempt, Frame
 
 

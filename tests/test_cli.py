@@ -384,3 +384,8 @@ def test_counting_tells_the_time_left_now_and_then(capsys, monkeypatch):
     ]  # fmt: skip
     Counting(quiet=True)("measuring", 1, 1)
     assert capsys.readouterr().err == ""
+
+
+def test_the_package_runs_as_a_module_too():
+    done = subprocess.run([sys.executable, "-m", "sum_drake", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("sum-drake ")

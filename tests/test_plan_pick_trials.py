@@ -6,6 +6,7 @@ import trimesh
 from scenes import standing
 from shapes import CONFIG, part_of_package, write_model
 
+from sum_drake.attempting import region_of
 from sum_drake.bench.plan_pick_trials import (
     failed_phase,
     measure_pick,
@@ -19,7 +20,6 @@ from sum_drake.geometry import transform
 from sum_drake.objects import load_catalogue
 from sum_drake.systems.referee import TruthSample
 from sum_drake.systems.scenario import load_scenario
-from sum_drake.task import region_of
 from sum_drake.types import readonly
 
 CATALOGUE = load_catalogue()

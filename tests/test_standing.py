@@ -9,8 +9,8 @@ from scenes import TABLE, observe, standing
 from sum_drake.explaining import UNEXPLAINED
 from sum_drake.geometry import apply
 from sum_drake.objects import load_catalogue, sample_surface
-from sum_drake.standing import not_of, owners, standing_points, table_shown
-from sum_drake.task import TaskConfig
+from sum_drake.standing import not_of, owners, standing_points, table_shown, thin
+from sum_drake.task_config import TaskConfig
 from sum_drake.types import PoseBelief, Region, Track, readonly
 
 CATALOGUE = load_catalogue()
@@ -63,3 +63,15 @@ def test_how_much_of_the_table_is_shown_is_a_share_of_what_is_in_the_picture():
     assert table_shown(blind, TABLE_TOP) == 0.0
     behind = dataclasses.replace(TABLE_TOP, p_W=readonly([-5.0, 0.0, 0.95]))
     assert table_shown(frame, behind) == 0.0
+
+
+@pytest.mark.parametrize(("count", "limit"), [(0, 3), (3, 3), (4, 3), (10_000, 3000)])
+def test_thinning_keeps_at_most_so_many_points_from_all_over(count, limit):
+    points = np.arange(count)
+    kept = thin(points, limit)
+    assert len(kept) <= limit
+    assert len(kept) > limit / 2 or count <= limit / 2
+    if count > limit:
+        assert kept[-1] >= count - count / limit - 2
+    else:
+        np.testing.assert_array_equal(kept, points)

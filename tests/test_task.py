@@ -4,64 +4,32 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scenes import TABLE, observe, standing
+from deciding import (
+    CAN,
+    CATALOGUE,
+    CONFIG,
+    EYE,
+    GOAL,
+    MOST_LIKELY,
+    REGIONS,
+    believe,
+    make_task,
+    pick_can,
+    see,
+    see_can,
+    tried,
+)
+from scenes import TABLE, standing
 
-from sum_drake import timing
+from sum_drake.attempting import _same_grasp
 from sum_drake.geometry import apply, rotation_from_vector, transform
-from sum_drake.grasping import GraspConfig
-from sum_drake.kinematics import Arm
-from sum_drake.objects import load_catalogue, sample_surface
+from sum_drake.objects import sample_surface
 from sum_drake.pick_config import PickConfig
-from sum_drake.planning_scene import PlanningScene, solid_of
+from sum_drake.planning_scene import solid_of
 from sum_drake.robot import VIEW
-from sum_drake.shaking import SHAKES
-from sum_drake.standing import not_of, thin
-from sum_drake.task import Look, Pick, SortingTask, Stop, TaskConfig, _same_grasp, region_of
-from sum_drake.types import Attempt, Perception, PickPlace, PoseBelief, Region, SceneBelief, Track, readonly
-
-CATALOGUE = load_catalogue()
-ARM = Arm()
-SCENE = PlanningScene()
-EYE = readonly(np.eye(4))
-REGIONS = {
-    "table": Region("table", readonly([0.72, 0.0, 0.95]), readonly([0.30, 0.45, 0.25])),
-    "cleaning_bin": Region("cleaning_bin", readonly([0.12, -0.62, 0.47]), readonly([0.20, 0.20, 0.18])),
-    "non_cleaning_bin": Region("non_cleaning_bin", readonly([0.12, 0.62, 0.47]), readonly([0.20, 0.20, 0.18])),
-}
-GOAL = {"cleaning": "cleaning_bin", "non-cleaning": "non_cleaning_bin"}
-CONFIG = TaskConfig(policy="surest")
-MOST_LIKELY = TaskConfig(policy="most_likely")
-CAN = standing(CATALOGUE, "soup_can", 0.6, 0.05)
-
-
-def make_task(**changes):
-    given = {
-        "catalogue": CATALOGUE, "arm": ARM, "scene": SCENE, "regions": REGIONS, "goal": GOAL, "config": CONFIG,
-        "grasp_config": GraspConfig(), "pick_config": PickConfig(), "seed": 2,
-    }  # fmt: skip
-    return SortingTask(**{**given, **changes})
-
-
-def believe(label, X_WO, track=0, *, p_box=0.9, p_label=0.9, likelihood=0.6, accepted=True):
-    """A track whose belief is spread over millimetres."""
-    rng = np.random.default_rng(track)
-    X_WOs = np.repeat(X_WO[None], 30, axis=0)
-    X_WOs[:, :3, 3] += rng.normal(0, 0.002, (30, 3))
-    belief = PoseBelief(readonly(X_WOs), readonly(np.full(30, 1 / 30)))
-    return Track(track, label, (0, 0, 9, 9), p_box, p_label, belief, readonly(X_WO), likelihood, 0.8, accepted, 0, 0)
-
-
-def see(X_WOs, tracks):
-    """The record of an observation of the objects at X_WOs, of which `tracks` are believed."""
-    frame, _ = observe(CATALOGUE, X_WOs)
-    return Perception(0, frame, (), (), SceneBelief(), SceneBelief(0, tuple(tracks), len(tracks)), None)
-
-
-def tried(label, *, region="non_cleaning_bin", released=True, X_OG=None):
-    """A try in which something was moved."""
-    action = PickPlace(0, "pick_place", 0, label, EYE, EYE, region, 0.04, 0.04, released)
-    reason = "executed" if released else "empty_hand"
-    return Attempt(0, 0, label, region, "pick_place", reason, 30, (), action, X_OG)
+from sum_drake.standing import not_of
+from sum_drake.task import Look, Pick, Stop
+from sum_drake.types import Attempt, PickPlace, Region, readonly
 
 
 def height_of_release(plan, region):
@@ -72,14 +40,12 @@ def height_of_release(plan, region):
 
 @pytest.fixture(scope="module")
 def can_seen():
-    return see({"soup_can": CAN}, [believe("soup_can", CAN)])
+    return see_can()
 
 
 @pytest.fixture(scope="module")
-def pick(can_seen):
-    choice = make_task().decide(can_seen, (), 0, VIEW)
-    assert isinstance(choice, Pick)
-    return choice
+def pick():
+    return pick_can()
 
 
 def test_what_is_believed_and_can_be_grasped_is_picked_from_where_the_arm_is(pick):
@@ -110,18 +76,6 @@ def test_things_are_let_go_higher_the_more_lie_in_the_bin_already(can_seen):
     assert isinstance(choice, Pick)
     height = height_of_release(choice.plan, REGIONS["non_cleaning_bin"]) - 2 * CONFIG.fill_per_object
     assert min(abs(height - h) for h in PickConfig().release_heights) < 1e-6
-
-
-def test_a_bin_is_taken_to_be_filled_by_what_was_let_go_in_it_up_to_a_limit():
-    task = make_task()
-    fills = [task._fill("cleaning_bin", [tried("tide", region="cleaning_bin")] * count) for count in range(9)]
-    assert fills[:2] == [0.0, CONFIG.fill_per_object]
-    assert fills == sorted(fills)
-    assert fills[-1] == CONFIG.fill_max
-    assert task._fill("cleaning_bin", [tried("mug"), tried("tide", region="cleaning_bin", released=False)]) == 0.0
-    hung = tried("tide", region="cleaning_bin")
-    hung = dataclasses.replace(hung, action=dataclasses.replace(hung.action, hangs=True))
-    assert task._fill("cleaning_bin", [hung]) == 0.0, "it hangs on the hand"
 
 
 def test_an_empty_table_is_cleared():
@@ -185,101 +139,6 @@ def test_what_is_left_alone_hides_nothing_else():
     """A mug nobody believes in is looked at again although the can beside it is to stay."""
     seen = see({"soup_can": CAN, "mug": standing(CATALOGUE, "mug", 0.6, -0.2)}, [believe("soup_can", CAN)])
     assert isinstance(make_task(goal={**GOAL, "soup_can": "leave"}).decide(seen, (), 0, VIEW), Look)
-
-
-def test_the_region_of_a_label_goes_before_that_of_its_category():
-    assert region_of("tide", GOAL, CATALOGUE) == "cleaning_bin"
-    assert region_of("tide", {**GOAL, "tide": "non_cleaning_bin"}, CATALOGUE) == "non_cleaning_bin"
-    assert region_of("tide", {"tide": "leave", **GOAL}, CATALOGUE) == "leave"
-    assert region_of("mug", {"cleaning": "cleaning_bin"}, CATALOGUE) == "leave", "the goal has neither"
-
-
-def test_grasps_are_the_same_within_15_mm_and_25_degrees():
-    X_OG = readonly(standing(CATALOGUE, "mug", 0.01, 0.02, yaw=0.7))
-
-    def moved(metres, degrees):
-        X = X_OG.copy()
-        X[1, 3] += metres
-        X[:3, :3] = X[:3, :3] @ rotation_from_vector(np.radians([0.0, degrees, 0.0]))
-        return X
-
-    assert _same_grasp(X_OG, X_OG)
-    assert _same_grasp(X_OG, moved(0.014, 24))
-    assert not _same_grasp(X_OG, moved(0.016, 0))
-    assert not _same_grasp(X_OG, moved(0.0, 26))
-
-
-@pytest.mark.parametrize(("count", "limit"), [(0, 3), (3, 3), (4, 3), (10_000, 3000)])
-def test_thinning_keeps_at_most_so_many_points_from_all_over(count, limit):
-    points = np.arange(count)
-    kept = thin(points, limit)
-    assert len(kept) <= limit
-    assert len(kept) > limit / 2 or count <= limit / 2
-    if count > limit:
-        assert kept[-1] >= count - count / limit - 2
-    else:
-        np.testing.assert_array_equal(kept, points)
-
-
-@pytest.fixture(scope="module")
-def q_over_table():
-    """The arm (8,) with the hand just over the table, pointing down."""
-    X_WG = np.eye(4)
-    X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
-    X_WG[:3, 3] = [0.6, -0.1, 0.80]
-    return ARM.solutions(X_WG, count=1)[0]
-
-
-def assert_returns(motion, q):
-    assert motion.id == 7
-    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
-    # Continuous joints may come back a turn away.
-    end = motion.segments[-1].trajectory.positions[-1]
-    np.testing.assert_allclose(np.cos(end - VIEW), 1.0, atol=1e-9)
-
-
-def test_the_way_back_goes_around_what_was_last_seen(q_over_table):
-    tide = standing(CATALOGUE, "tide", 0.55, 0.2)
-    motion = make_task().retreat(see({"tide": tide}, [believe("tide", tide)]), q_over_table, 7)
-    assert_returns(motion, q_over_table)
-    among = SCENE.with_solids((solid_of(CATALOGUE["tide"], tide),))
-    for segment in motion.segments:
-        assert among.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
-
-
-def test_a_belief_that_leaves_no_way_back_is_not_believed(q_over_table):
-    """What was pushed about may be believed where the arm must go; table and bins still count."""
-    hand = ARM.forward(VIEW)
-    X_WO = np.eye(4)
-    X_WO[:3, 3] = hand[:3, 3]
-    motion = make_task().retreat(see({}, [believe("tide", X_WO)]), q_over_table, 7)
-    assert_returns(motion, q_over_table)
-    assert not SCENE.with_solids((solid_of(CATALOGUE["tide"], X_WO),)).is_free(VIEW)
-    for segment in motion.segments:
-        assert SCENE.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
-
-
-def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_seen, pick):
-    q = timing.evaluate(pick.plan.place.segments[0].trajectory, 0.4)[0]
-    motion = make_task().carry_on(can_seen, pick, q, 7)
-    assert (motion.id, motion.load) == (7, pick.plan.place.load)
-    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
-    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
-    np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
-
-
-@pytest.mark.parametrize("times", range(SHAKES))
-def test_what_hangs_on_the_hand_is_shaken_off_over_where_it_was_to_be(can_seen, pick, times):
-    q_now = pick.plan.place.segments[-1].trajectory.positions[-1]
-    motion = make_task().shake(can_seen, pick, q_now, 7, times)
-    assert motion.id == 7
-    assert [segment.name for segment in motion.segments] == [
-        "shake", "weigh", "shake", "shake", "open", "shake", "return",
-    ]  # fmt: skip
-    for q in (motion.segments[0].trajectory.positions[0], motion.segments[-1].trajectory.positions[-1]):
-        np.testing.assert_allclose(q, q_now)
-    off = ARM.forward(motion.segments[4].trajectory.positions[0])[:3, 3] - pick.plan.X_WG_place[:3, 3]
-    np.testing.assert_allclose(off[:2], 0.0, atol=1e-6)
 
 
 def test_a_picture_without_depth_is_no_clear_table():

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sum_drake import robot
+from sum_drake.attempting import region_of
 from sum_drake.bench.plan_picks import CLUTTER, Picked
 from sum_drake.carrying import plan_carrying_on
 from sum_drake.evaluation import where_is
@@ -28,7 +29,7 @@ from sum_drake.systems.pouring import draw_labels, pour
 from sum_drake.systems.referee import TruthSample, transport_slip
 from sum_drake.systems.scenario import Scenario, load_scenario
 from sum_drake.systems.sorting import flat_directives
-from sum_drake.task import Look, Pick, Stop, region_of
+from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import Array, Attempt, Box, Motion, PoseBelief, Track, readonly
 
 MOVED = 0.03

@@ -1,0 +1,100 @@
+"""Ways for an arm whose attempt did not go as planned: back, on with what is held, over its place to shake it off."""
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from sum_drake.carrying import plan_carrying_on
+from sum_drake.kinematics import Arm
+from sum_drake.objects import Catalogue
+from sum_drake.pick_config import PickConfig
+from sum_drake.planning_scene import PlanningScene
+from sum_drake.retreat import plan_retreat
+from sum_drake.shaking import plan_shaking
+from sum_drake.standing import not_of, standing_points, thin
+from sum_drake.task import Pick
+from sum_drake.types import Array, Motion, Perception, Region
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Recovering:
+    """Plans them around what was last seen and believed."""
+
+    catalogue: Catalogue
+    arm: Arm
+    scene: PlanningScene
+    table: Region
+    clear_height: float
+    """What stands less than this above the table is not seen as an object, metres."""
+    max_points: int
+    """Depth points kept as obstacles."""
+    config: PickConfig
+    seed: int
+
+    def retreat(self, perception: Perception, q: Array, motion: int) -> Motion:
+        """From where the arm is, (8,), back to the viewing pose with an open hand, under the given motion id.
+
+        Goes around what was last seen. What was pushed about since then may be anywhere, the hand itself may stand
+        where something was: where that leaves no way, only table, bins and robot count. Raises RuntimeError where even
+        then there is none.
+        """
+        points_W = standing_points(perception.frame, self.table, self.clear_height)
+        seen = [(self.catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
+        plan = functools.partial(
+            plan_retreat,
+            arm=self.arm,
+            scene=self.scene,
+            q_now=q,
+            motion_id=motion,
+            seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
+            config=self.config,
+        )
+        try:
+            return plan(obstacles=seen, points_W=thin(points_W, self.max_points))
+        except RuntimeError:
+            return plan()
+
+    def carry_on(self, perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
+        """From where the arm was stopped, (8,), with the object of `pick` in its hand, to where it is let go.
+
+        Raises RuntimeError where there is no free way.
+        """
+        model = self.catalogue[pick.track.label]
+        points_W = standing_points(perception.frame, self.table, self.clear_height)
+        points_W = not_of(points_W, model, pick.track.X_WO)
+        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
+        return plan_carrying_on(
+            arm=self.arm,
+            scene=self.scene,
+            plan=pick.plan,
+            X_WO=pick.track.X_WO,
+            model=model,
+            q_now=q,
+            motion_id=motion,
+            seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
+            config=self.config,
+            obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],
+            points_W=thin(points_W, self.max_points),
+        )
+
+    def shake(self, perception: Perception, pick: Pick, q: Array, motion: int, times: int) -> Motion:
+        """From where the arm is, (8,), with the object of `pick` on its opened hand, to where it was to be, and back.
+
+        times: how often that was tried before. Raises RuntimeError where there is no free way.
+        """
+        points_W = standing_points(perception.frame, self.table, self.clear_height)
+        points_W = not_of(points_W, self.catalogue[pick.track.label], pick.track.X_WO)
+        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
+        return plan_shaking(
+            arm=self.arm,
+            scene=self.scene,
+            plan=pick.plan,
+            q_now=q,
+            motion_id=motion,
+            times=times,
+            seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
+            config=self.config,
+            obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],
+            points_W=thin(points_W, self.max_points),
+        )

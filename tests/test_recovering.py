@@ -1,0 +1,88 @@
+"""Ways for an arm whose attempt did not go as planned."""
+
+import numpy as np
+import pytest
+from deciding import ARM, CATALOGUE, CONFIG, REGIONS, SCENE, believe, pick_can, see, see_can
+from scenes import standing
+
+from sum_drake import timing
+from sum_drake.pick_config import PickConfig
+from sum_drake.planning_scene import solid_of
+from sum_drake.recovering import Recovering
+from sum_drake.robot import VIEW
+from sum_drake.shaking import SHAKES
+
+RECOVERING = Recovering(
+    CATALOGUE, ARM, SCENE, REGIONS["table"], CONFIG.clear_height, CONFIG.max_obstacle_points, PickConfig(), 2
+)
+
+
+@pytest.fixture(scope="module")
+def can_seen():
+    return see_can()
+
+
+@pytest.fixture(scope="module")
+def pick():
+    return pick_can()
+
+
+@pytest.fixture(scope="module")
+def q_over_table():
+    """The arm (8,) with the hand just over the table, pointing down."""
+    X_WG = np.eye(4)
+    X_WG[:3, :3] = np.column_stack([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    X_WG[:3, 3] = [0.6, -0.1, 0.80]
+    return ARM.solutions(X_WG, count=1)[0]
+
+
+def assert_returns(motion, q):
+    assert motion.id == 7
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
+    # Continuous joints may come back a turn away.
+    end = motion.segments[-1].trajectory.positions[-1]
+    np.testing.assert_allclose(np.cos(end - VIEW), 1.0, atol=1e-9)
+
+
+def test_the_way_back_goes_around_what_was_last_seen(q_over_table):
+    tide = standing(CATALOGUE, "tide", 0.55, 0.2)
+    motion = RECOVERING.retreat(see({"tide": tide}, [believe("tide", tide)]), q_over_table, 7)
+    assert_returns(motion, q_over_table)
+    among = SCENE.with_solids((solid_of(CATALOGUE["tide"], tide),))
+    for segment in motion.segments:
+        assert among.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
+
+
+def test_a_belief_that_leaves_no_way_back_is_not_believed(q_over_table):
+    """What was pushed about may be believed where the arm must go; table and bins still count."""
+    hand = ARM.forward(VIEW)
+    X_WO = np.eye(4)
+    X_WO[:3, 3] = hand[:3, 3]
+    motion = RECOVERING.retreat(see({}, [believe("tide", X_WO)]), q_over_table, 7)
+    assert_returns(motion, q_over_table)
+    assert not SCENE.with_solids((solid_of(CATALOGUE["tide"], X_WO),)).is_free(VIEW)
+    for segment in motion.segments:
+        assert SCENE.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
+
+
+def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_seen, pick):
+    q = timing.evaluate(pick.plan.place.segments[0].trajectory, 0.4)[0]
+    motion = RECOVERING.carry_on(can_seen, pick, q, 7)
+    assert (motion.id, motion.load) == (7, pick.plan.place.load)
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
+    np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
+
+
+@pytest.mark.parametrize("times", range(SHAKES))
+def test_what_hangs_on_the_hand_is_shaken_off_over_where_it_was_to_be(can_seen, pick, times):
+    q_now = pick.plan.place.segments[-1].trajectory.positions[-1]
+    motion = RECOVERING.shake(can_seen, pick, q_now, 7, times)
+    assert motion.id == 7
+    assert [segment.name for segment in motion.segments] == [
+        "shake", "weigh", "shake", "shake", "open", "shake", "return",
+    ]  # fmt: skip
+    for q in (motion.segments[0].trajectory.positions[0], motion.segments[-1].trajectory.positions[-1]):
+        np.testing.assert_allclose(q, q_now)
+    off = ARM.forward(motion.segments[4].trajectory.positions[0])[:3, 3] - pick.plan.X_WG_place[:3, 3]
+    np.testing.assert_allclose(off[:2], 0.0, atol=1e-6)
