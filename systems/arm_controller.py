@@ -6,6 +6,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from sum_drake import reflex
+from sum_drake.drives import within_effort
 from sum_drake.dynamics import ArmDynamics
 from sum_drake.playback import desired, running_segment
 from sum_drake.reflex import Stop, Strikes
@@ -62,12 +63,14 @@ class ArmController(LeafSystem):
         - desired_state
         - motion_status
 
-    `desired_state` holds positions, then velocities of `robot.JOINTS`. The joint drives of the plant follow it.
+    `desired_state` holds positions, then velocities of `robot.JOINTS`. The joint drives of the plant follow it; it
+    never leads so far that one of the arm's would give all it has, see `drives.within_effort`.
     """
 
-    def __init__(self, *, period: float = PERIOD) -> None:
-        """period: how often a new motion is looked for, and the joints are felt, seconds."""
+    def __init__(self, *, period: float = PERIOD, step: float) -> None:
+        """period: how often a new motion is looked for, and the joints are felt; step: the plant's; seconds."""
         super().__init__()
+        self._step = step
         self._dynamics = ArmDynamics()
         self._motion = self.DeclareAbstractInputPort("motion", abstract())
         self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
@@ -76,7 +79,10 @@ class ArmController(LeafSystem):
         self._playing = self.DeclareAbstractState(abstract(at_rest))
         prerequisites = {self.time_ticket(), self.abstract_state_ticket(self._playing)}
         self.DeclareVectorOutputPort(
-            "desired_state", BasicVector(2 * len(JOINTS)), self._calc_desired_state, prerequisites_of_calc=prerequisites
+            "desired_state",
+            BasicVector(2 * len(JOINTS)),
+            self._calc_desired_state,
+            prerequisites_of_calc=prerequisites | {self._robot_state.ticket()},
         )
         self.DeclareAbstractOutputPort(
             "motion_status", abstract, self._calc_status, prerequisites_of_calc=prerequisites
@@ -119,7 +125,7 @@ class ArmController(LeafSystem):
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
         q, v, gap = self._held(context).at(context.get_time())
-        output.SetFromVector(desired_state(q, gap, v=v))
+        output.SetFromVector(within_effort(desired_state(q, gap, v=v), self._robot_state.Eval(context), self._step))
 
     def _calc_status(self, context: Context, output: Value[object]) -> None:
         output.set_value(self._held(context).status(context.get_time()))

@@ -79,7 +79,7 @@ def run_picks(
             settle_time=SETTLE,
         ),
     )
-    controller = builder.AddNamedSystem("arm_controller", ArmController())
+    controller = builder.AddNamedSystem("arm_controller", ArmController(step=scenario.plant_config.time_step))
     plant = station.GetSubsystemByName("plant")
     hand = int(plant.GetBodyByName("gripper_link").index())
     referee = builder.AddNamedSystem("referee", Referee(objects=object_bodies(station), hand=hand, period=POLL))

@@ -260,7 +260,7 @@ def make_sorting(
         "sorting_planner",
         SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, shake=shake, period=POLL, settle_time=SETTLE),
     )
-    controller = builder.AddNamedSystem("arm_controller", ArmController())
+    controller = builder.AddNamedSystem("arm_controller", ArmController(step=scenario.plant_config.time_step))
     plant = station.GetSubsystemByName("plant")
     referee = builder.AddNamedSystem(
         "referee",

@@ -21,23 +21,13 @@ from pydrake.systems.sensors import RgbdSensor
 
 from sum_drake import robot
 from sum_drake.assets import InputError, asset, one_line
+from sum_drake.drives import DAMPING, STIFFNESS
 from sum_drake.look import station_look
 from sum_drake.parsing import make_parser
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig, camera_from_info, make_camera_info
 from sum_drake.systems.camera_pose import CameraPose
 from sum_drake.systems.depth_noise import DepthNoise
 from sum_drake.types import Array
-
-STIFFNESS = dict(
-    zip(
-        (joint.name for joint in robot.JOINTS),
-        (240e3, 8000.0, 8000.0, 4000.0, 4000.0, 2000.0, 2000.0, 800.0, 20.0, 20.0, 30e3, 30e3),
-        strict=True,
-    )
-)
-"""Proportional gains, N/m and N m/rad. The drives saturate at the joints' effort limits; 60 N at a finger."""
-FINGER_DAMPING = 3000.0
-"""N s/m: an open hand closes in about a tenth of a second and meets the object without a blow."""
 
 
 def default_plant_config() -> MultibodyPlantConfig:
@@ -204,13 +194,9 @@ def _rigid(X_WO: Array) -> RigidTransform:
 
 def _add_drives(plant: MultibodyPlant, fetch: ModelInstanceIndex) -> None:
     """PD drives in the actuators, which the contact solver treats implicitly, and the default positions."""
-    fingers = {joint.name for joint in robot.FINGERS}
     try:
-        for joint in robot.JOINTS:
-            actuator = plant.GetJointActuatorByName(joint.name, fetch)
-            kp = STIFFNESS[joint.name]
-            damping = FINGER_DAMPING if joint.name in fingers else 2 * np.sqrt(kp)
-            actuator.set_controller_gains(PdControllerGains(p=kp, d=damping))
+        for joint, p, d in zip(robot.JOINTS, STIFFNESS, DAMPING, strict=True):
+            plant.GetJointActuatorByName(joint.name, fetch).set_controller_gains(PdControllerGains(p=p, d=d))
     except RuntimeError as error:
         raise InputError(
             f'directives: model "fetch": {one_line(error)}; expected the joints of robot.JOINTS'

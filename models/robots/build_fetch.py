@@ -348,6 +348,9 @@ def add_joint(urdf: ET.Element, joint: robot.Joint) -> None:
     if joint.kind != "continuous":
         limit |= {"lower": numbers((joint.lower,)), "upper": numbers((joint.upper,))}
     ET.SubElement(element, "limit", limit)
+    if joint in robot.FINGERS:
+        # As a geared drive does: with all its force it goes at its limit of speed, also when what it held slips out.
+        ET.SubElement(element, "dynamics", damping=numbers((joint.effort / joint.velocity,)))
     if joint.name == robot.FINGERS[1].name:
         # One drive opens and closes both fingers.
         ET.SubElement(element, "mimic", joint=robot.FINGERS[0].name, multiplier="1", offset="0")
