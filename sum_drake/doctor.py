@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from sum_drake import __version__
 from sum_drake.assets import one_line
 
 PACKAGES = (
@@ -66,8 +67,8 @@ def _ask_egl() -> str:
 
 def versions() -> dict[str, str]:
     """Versions of Python and of every package that the results depend on; "missing" where there is none."""
-    found = {"python": platform.python_version()}
-    for name in PACKAGES:
+    found = {"python": platform.python_version(), "sum-drake": __version__}
+    for name in PACKAGES[1:]:
         try:
             found[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:

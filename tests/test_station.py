@@ -14,6 +14,7 @@ from pydrake.systems.framework import Diagram
 from sum_drake import robot
 from sum_drake.assets import MODELS, InputError
 from sum_drake.models.scenes import build_scene
+from sum_drake.objects import load_catalogue
 from sum_drake.parsing import make_parser
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.systems.station import (
@@ -341,3 +342,25 @@ def test_bad_scenes_are_refused_in_one_line(tmp_path):
         with pytest.raises(InputError, match=word) as error:
             make({}, directives=LoadModelDirectives(str(path)).directives)
         assert "\n" not in str(error.value) and "expected" in str(error.value)
+
+
+@pytest.mark.parametrize("place", [(-1.0, -0.4, 0.7), (0.12, -0.62, 0.29 + 0.4)], ids=["floor", "bin"])
+@pytest.mark.parametrize("label", ["scotch_brite", "sugar", "mug", "soup_can", "tea"])
+def test_what_falls_is_not_thrown_back(label, place):
+    """As fast as from the table to the floor, or from the hand into a bin: nothing gets faster than it fell."""
+    station = make({label: (str(load_catalogue()[label].sdf), at(*place))})
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    station.GetInputPort("fetch.desired_state").FixValue(context, robot.desired_state(robot.VIEW, 0.1))
+    plant = station.GetSubsystemByName("plant")
+    body = plant.get_body(plant.GetFloatingBaseBodies().pop())
+    speeds = []
+    for time in np.arange(0.004, 1.0, 0.004):
+        simulator.AdvanceTo(time)
+        velocity = plant.EvalBodySpatialVelocityInWorld(plant.GetMyContextFromRoot(context), body)
+        speeds.append(np.linalg.norm(velocity.translational()))
+    fastest = int(np.argmax(speeds))
+    fall = 9.81 * 0.004 * (fastest + 1)
+    assert speeds[fastest] == pytest.approx(fall, abs=0.01), "the end of the fall"
+    assert max(speeds[fastest + 1 :]) < 0.9 * fall
+    assert speeds[-1] < 0.5
