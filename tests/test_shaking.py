@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydrake.multibody.parsing import LoadModelDirectives
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
 from test_picking import ARM, plan
 
 from sum_drake import timing
@@ -16,10 +17,14 @@ from sum_drake.geometry import transform
 from sum_drake.pick_config import PickConfig
 from sum_drake.picking import PickPlan
 from sum_drake.planning_scene import PlanningScene
-from sum_drake.robot import HAND, VIEW, arm_positions, desired_state
+from sum_drake.playback import segment_ends
+from sum_drake.robot import FINGERS, HAND, VIEW, arm_positions
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
 from sum_drake.shaking import GAPS, HEIGHTS, SHAKES, plan_shaking
+from sum_drake.systems.arm_controller import ArmController
+from sum_drake.systems.ports import abstract
 from sum_drake.systems.station import default_plant_config, make_station
+from sum_drake.types import Motion
 
 
 @pytest.fixture(scope="module")
@@ -73,27 +78,85 @@ def test_where_there_is_no_way_it_is_said_why(scene, made):
         shake(scene, made, points_W=full)
 
 
-RING_MASS = 0.06
-"""Of the catalogue's lightest object."""
+RING_MASS, RING_THICKNESS = 0.06, 0.01
+"""The mass of the catalogue's lightest object."""
+AT_REST = 3.0
+"""A ring lies still after so long, seconds."""
 
 
-def write_ring(path):
-    """An SDF file of a square ring around z, wide enough for a finger."""
-    bars = [(0.025, 0.0, 0.01, 0.06), (-0.025, 0.0, 0.01, 0.06), (0.0, 0.025, 0.04, 0.01), (0.0, -0.025, 0.04, 0.01)]
+def write_ring(path, radius):
+    """An SDF file of a ring around z, of a dozen rods; radius: of its middle."""
+    angles = np.arange(12) * np.pi / 6
+    length = 2 * radius * np.tan(np.pi / 12)
     shapes = "".join(
-        f"""<collision name="c{i}"><pose>{x} {y} 0 0 0 0</pose><geometry><box><size>{a} {b} .01</size></box></geometry>
-        <drake:proximity_properties><drake:compliant_hydroelastic/>
-        <drake:hydroelastic_modulus>1e7</drake:hydroelastic_modulus><drake:mu_static>.6</drake:mu_static>
+        f"""<collision name="c{i}"><pose>{radius * np.cos(a)} {radius * np.sin(a)} 0 {np.pi / 2} 0 {a}</pose><geometry>
+        <capsule><radius>{RING_THICKNESS / 2}</radius><length>{length}</length></capsule></geometry>
+        <drake:proximity_properties><drake:compliant_hydroelastic/><drake:mesh_resolution_hint>.004
+        </drake:mesh_resolution_hint><drake:hydroelastic_modulus>1e7</drake:hydroelastic_modulus>
+        <drake:hunt_crossley_dissipation>5</drake:hunt_crossley_dissipation><drake:mu_static>.6</drake:mu_static>
         <drake:mu_dynamic>.6</drake:mu_dynamic></drake:proximity_properties></collision>"""
-        for i, (x, y, a, b) in enumerate(bars)
+        for i, a in enumerate(angles)
     )
-    inertia = RING_MASS * 0.03**2
+    inertia = RING_MASS * radius**2
     path.write_text(
         f"""<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="ring"><link name="body"><inertial>
-        <mass>{RING_MASS}</mass><inertia><ixx>{inertia}</ixx><iyy>{inertia}</iyy><izz>{2 * inertia}</izz></inertia>
+        <mass>{RING_MASS}</mass><inertia><ixx>{inertia / 2}</ixx><iyy>{inertia / 2}</iyy><izz>{inertia}</izz></inertia>
         </inertial>{shapes}</link></model></sdf>"""
     )
     return str(path)
+
+
+class Hung:
+    """The robot at the viewing pose, where its fingers point up like pegs, with a ring around one or both of them."""
+
+    def __init__(self, folder, *, both):
+        radius = 0.047 if both else 0.03
+        # A narrow one is around one of the opened fingers, these press against a wide one from within.
+        gap = 2 * (radius - RING_THICKNESS / 2 - HAND.pad_thickness - 0.004) if both else HAND.gap_max
+        y = 0.0 if both else HAND.gap_max / 2 + HAND.pad_thickness / 2
+        p_WR = (ARM.forward(VIEW) @ np.array([0.01 if both else -0.02, y, 0.0, 1.0]))[:3]
+        builder = DiagramBuilder()
+        self.station = builder.AddNamedSystem(
+            "station",
+            make_station(
+                plant_config=default_plant_config(),
+                directives=LoadModelDirectives(str(MODELS / "scenes" / "sorting.dmd.yaml")).directives,
+                camera=HeadCameraConfig(),
+                noise=DepthNoiseConfig(),
+                objects={"ring": (write_ring(folder / "ring.sdf", radius), transform(np.eye(3), p_WR))},
+                seed=0,
+            ),
+        )
+        self.controller = builder.AddNamedSystem("arm_controller", ArmController(step=default_plant_config().time_step))
+        for name, port in (("fetch.state", "robot_state"), ("fetch.effort", "effort")):
+            builder.Connect(self.station.GetOutputPort(name), self.controller.GetInputPort(port))
+        builder.Connect(
+            self.controller.GetOutputPort("desired_state"), self.station.GetInputPort("fetch.desired_state")
+        )
+        self.simulator = Simulator(builder.Build())
+        self.root = self.simulator.get_mutable_context()
+        self.plant = self.station.GetSubsystemByName("plant")
+        for finger in FINGERS:
+            joint = self.plant.GetJointByName(finger.name)
+            joint.set_translation(self.plant.GetMyMutableContextFromRoot(self.root), gap / 2)
+        self.play(Motion(-1, ()), AT_REST)
+
+    def play(self, motion, seconds):
+        """Lets the arm play a motion."""
+        port = self.controller.GetInputPort("motion")
+        port.FixValue(self.controller.GetMyMutableContextFromRoot(self.root), abstract(motion))
+        self.simulator.AdvanceTo(self.root.get_time() + seconds)
+
+    def weight(self):
+        """What the drives feel hanging, kilograms."""
+        context = self.station.GetMyContextFromRoot(self.root)
+        state, effort = (self.station.GetOutputPort(f"fetch.{what}").Eval(context) for what in ("state", "effort"))
+        return ArmDynamics().hanging(arm_positions(state), effort[:8])
+
+    def ring(self):
+        """Where it is, (3,)."""
+        body = self.plant.GetBodyByName("body")
+        return self.plant.EvalBodyPoseInWorld(self.plant.GetMyContextFromRoot(self.root), body).translation()
 
 
 def test_it_sets_out_only_from_where_the_place_has_ended(scene, made):
@@ -101,21 +164,23 @@ def test_it_sets_out_only_from_where_the_place_has_ended(scene, made):
         shake(scene, made, q_now=VIEW + 0.1)
 
 
-def test_a_ring_on_a_finger_is_felt(tmp_path):
-    # At the viewing pose the fingers point up, like pegs: the ring is around one of them, just above the palm.
-    p_WR = (ARM.forward(VIEW) @ np.array([-0.02, HAND.gap_max / 2 + HAND.pad_thickness / 2, 0.0, 1.0]))[:3]
-    station = make_station(
-        plant_config=default_plant_config(),
-        directives=LoadModelDirectives(str(MODELS / "scenes" / "sorting.dmd.yaml")).directives,
-        camera=HeadCameraConfig(),
-        noise=DepthNoiseConfig(),
-        objects={"ring": (write_ring(tmp_path / "ring.sdf"), transform(np.eye(3), p_WR))},
-        seed=0,
-    )
-    simulator = Simulator(station)
-    context = simulator.get_mutable_context()
-    station.GetInputPort("fetch.desired_state").FixValue(context, desired_state(VIEW, HAND.gap_max))
-    simulator.AdvanceTo(0.5)
-    state, effort = (station.GetOutputPort(f"fetch.{what}").Eval(context) for what in ("state", "effort"))
-    weight = ArmDynamics().hanging(arm_positions(state), effort[:8])
-    assert weight == pytest.approx(RING_MASS, rel=0.05) and weight > 2 * HANGS
+def test_a_ring_on_a_finger_is_felt_and_slides_off_once_the_hand_points_down(tmp_path, scene, made):
+    hung = Hung(tmp_path, both=False)
+    assert hung.weight() == pytest.approx(RING_MASS, rel=0.05) and hung.weight() > 2 * HANGS
+    motion = shake(scene, made)
+    hung.play(motion, segment_ends(motion)[-1] + 0.5)
+    assert hung.ring()[2] < made.X_WG_place[2, 3] and hung.weight() < HANGS, "it slid off"
+
+
+def test_a_ring_that_the_opened_fingers_press_against_comes_off_once_they_are_half_closed(tmp_path, scene, made):
+    for times, comes_off in ((0, False), (1, True)):
+        hung = Hung(tmp_path, both=True)
+        motion = shake(scene, made, times)
+        names = [segment.name for segment in motion.segments]
+        weighed, rolled = segment_ends(motion)[[names.index("weigh"), names.index("open") - 1]]
+        hung.play(motion, weighed)
+        assert hung.weight() == pytest.approx(RING_MASS, abs=HANGS), "it is still there over the place"
+        hung.simulator.AdvanceTo(AT_REST + rolled)
+        assert (abs(hung.weight()) < HANGS) == comes_off
+    off = hung.ring()[:2] - made.X_WG_place[:2, 3]
+    assert np.linalg.norm(off) < 0.1, "it fell where the object was to be"
