@@ -38,7 +38,7 @@ class Cluster:
                 client.submit(run_episode, spec, pure=False, retries=RETRIES, key=f"episode-{spec.seed}"): spec
                 for spec in specs
             }
-            for future in as_completed(list(futures)):
+            for future in as_completed(list(futures), loop=client.loop):
                 broken = future.exception()
                 yield future.result() if broken is None else lost(futures[future], one_line(broken))
                 future.release()  # or its files stay in the memory of workers
