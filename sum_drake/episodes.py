@@ -18,7 +18,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.jsonio import encode
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import Immutable
-from sum_drake.workers import one_thread_each
+from sum_drake.workers import ONE_THREAD
 
 SCHEMA = "sum-drake/episode/1"
 STATES = {
@@ -107,14 +107,14 @@ def run_episode(spec: EpisodeSpec, folder: Path | None = None) -> Episode:
         with Path(temporary, "log.txt").open("w+", errors="replace") as log:
             command = [sys.executable, "-m", "sum_drake.worker", str(spec.memory_mib), "sort"]
             command += ["--scenario-file", str(scenario), "--seed", str(spec.seed), "--out", str(run)]
-            with one_thread_each():
-                process = subprocess.Popen(
-                    [*command, "--workers", "1"],
-                    stdin=subprocess.PIPE,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,  # Ctrl-C is for whoever started it.
-                )
+            process = subprocess.Popen(
+                [*command, "--workers", "1"],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **ONE_THREAD},
+                start_new_session=True,  # Ctrl-C is for whoever started it.
+            )
             _running.add(process)
             try:
                 done = _wait(process, spec.time_limit_s)

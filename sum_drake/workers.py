@@ -5,12 +5,12 @@ import os
 import signal
 from collections.abc import Iterator
 
-_THREADS = {
-    "OMP_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "NUMBA_NUM_THREADS": "1",
-    "LP_NUM_THREADS": "0",
+ONE_THREAD = {
+    "OMP_NUMONE_THREAD": "1",
+    "MKL_NUMONE_THREAD": "1",
+    "OPENBLAS_NUMONE_THREAD": "1",
+    "NUMBA_NUMONE_THREAD": "1",
+    "LP_NUMONE_THREAD": "0",
 }
 """Of numerical libraries and of Mesa's renderer, which count them when a process starts."""
 
@@ -18,8 +18,8 @@ _THREADS = {
 @contextlib.contextmanager
 def one_thread_each() -> Iterator[None]:
     """Processes that are spawned in the block have one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(_THREADS)
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
     try:
         yield
     finally:

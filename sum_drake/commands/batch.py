@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from sum_drake.assets import InputError
 from sum_drake.commands.common import (
@@ -13,6 +14,10 @@ from sum_drake.commands.common import (
     add_quiet,
     check_count,
 )
+
+if TYPE_CHECKING:
+    from sum_drake.episodes import EpisodeSpec
+    from sum_drake.systems.scenario import Scenario
 
 TIME_LIMIT_S, MEMORY_MIB = 3600.0, 4096
 
@@ -48,15 +53,39 @@ def add(commands: Commands) -> None:
     add_quiet(batch)
 
 
-def _run(options: argparse.Namespace) -> None:
+def prepare(
+    scenario: "Scenario",
+    first_seed: int,
+    runs: int,
+    *,
+    time_limit_s: float = TIME_LIMIT_S,
+    memory_mib: int = MEMORY_MIB,
+) -> "tuple[list[EpisodeSpec], dict[str, Any]]":
+    """The episodes of a scenario with so many seeds, and the settings that they have in common."""
     import hashlib
 
-    from sum_drake.batch import Executor, Processes, check_batch, run_batch
     from sum_drake.bench.resumed import code_and_meshes
-    from sum_drake.doctor import require_rendering
     from sum_drake.episodes import EpisodeSpec
+    from sum_drake.systems.scenario import catalogue_of, dump_scenario
+
+    text = dump_scenario(scenario)
+    specs = [EpisodeSpec(seed, text, time_limit_s, memory_mib) for seed in range(first_seed, first_seed + runs)]
+    settings = {
+        "first_seed": first_seed,
+        "objects": len(scenario.objects.labels) or scenario.objects.count,
+        "scenario": hashlib.sha256(text.encode()).hexdigest()[:16],
+        "time_limit_s": time_limit_s,
+        "memory_limit_mib": memory_mib,
+        **code_and_meshes(catalogue_of(scenario)),
+    }
+    return specs, settings
+
+
+def _run(options: argparse.Namespace) -> None:
+    from sum_drake.batch import Executor, Processes, check_batch, run_batch
+    from sum_drake.doctor import require_rendering
     from sum_drake.objects import load_catalogue
-    from sum_drake.systems.scenario import catalogue_of, dump_scenario, load_scenario
+    from sum_drake.systems.scenario import load_scenario
 
     check_count("--runs", options.runs)
     check_count("--first-seed", options.first_seed, 0)
@@ -72,19 +101,9 @@ def _run(options: argparse.Namespace) -> None:
         objects=options.objects,
         catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
     )
-    text = dump_scenario(scenario)
-    specs = [
-        EpisodeSpec(seed, text, options.time_limit, options.memory_limit)
-        for seed in range(options.first_seed, options.first_seed + options.runs)
-    ]
-    settings = {
-        "first_seed": options.first_seed,
-        "objects": len(scenario.objects.labels) or scenario.objects.count,
-        "scenario": hashlib.sha256(text.encode()).hexdigest()[:16],
-        "time_limit_s": options.time_limit,
-        "memory_limit_mib": options.memory_limit,
-        **code_and_meshes(catalogue_of(scenario)),
-    }
+    specs, settings = prepare(
+        scenario, options.first_seed, options.runs, time_limit_s=options.time_limit, memory_mib=options.memory_limit
+    )
     check_batch(options.out, settings)
     if options.cluster is None:
         require_rendering()

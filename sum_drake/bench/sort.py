@@ -1,0 +1,165 @@
+"""`sum-drake bench sort`: the paper's sequential sorting, its table beside ours, and what larger batches come to.
+
+The sequences are a batch like any other, in `sequences/` of the bench's folder: called again, it goes on. The figures
+are of the sequences, unless batches of more runs are given, by number of objects on the table.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sum_drake import page
+from sum_drake.assets import InputError
+from sum_drake.batch import SCHEMA, Executor, read_episode, run_batch
+from sum_drake.batch_figures import Row, batch_figures, causes, losses
+from sum_drake.bench.aims import Aims, aim
+from sum_drake.bench.results import write_results
+from sum_drake.episodes import EpisodeSpec
+from sum_drake.files import write_whole
+
+FILES = ("results.json", "report.html", "sequences")
+AIMS: Aims = {
+    "objects_sorted_share": ("at least", 0.98),
+    "objects_sorted_low95": ("at least", 0.95),
+    "trials_per_object": ("at most", 1.05),
+    "missorted": ("at most", 0),
+    "cpu_s_per_run_median": ("at most", 300.0),
+    "objects_sorted_share_10": ("at least", 0.93),
+}
+FIRST_SEED, SEQUENCES, OBJECTS = 500, 8, 5
+"""Of the sequences: seeds on which nothing was tuned or mended."""
+PAPER: dict[str, tuple[float, ...]] = {
+    "objects": (5,) * 8,
+    "errors": (1, 1, 2, 0, 0, 1, 1, 0),
+    "trials": (4, 6, 7, 5, 5, 5, 6, 5),
+    "completion": (0.8, 1.0, 1.0, 1.0, 1.0, 0.8, 1.0, 1.0),
+}
+"""The table of Sui et al. 2017, sequences (a) to (h)."""
+
+
+def read_batch(folder: Path) -> list[dict[str, Any]]:
+    """The episodes of a batch folder, by seed. Raises InputError for a folder that is none."""
+    file = folder / "batch.json"
+    try:
+        if json.loads(file.read_text())["schema"] != SCHEMA:
+            raise InputError(f"{file}: of another schema; expected {SCHEMA!r}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"--batch {folder}: no batch ({type(error).__name__}); expected a folder of `batch`") from None
+    found = (read_episode(path) for path in folder.iterdir() if path.name.isdigit())
+    return sorted((row for row in found if row is not None), key=lambda row: int(row["seed"]))
+
+
+def bench_sort(
+    out: Path,
+    specs: Sequence[EpisodeSpec],
+    settings: Mapping[str, Any],
+    executor: Executor,
+    batches: Sequence[Path],
+    *,
+    quick: bool,
+    progress: Any,
+) -> dict[str, float]:
+    """Runs the sequences, and writes results.json and report.html of them and of the batches; returns the figures."""
+    larger = [row for folder in batches for row in read_batch(folder)]
+    run_batch(out / "sequences", specs, settings, executor, progress)
+    sequences = [row for row in read_batch(out / "sequences") if row["seed"] in {spec.seed for spec in specs}]
+    found = sort_figures(sequences, larger)
+    rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
+    rows += [{"table": "loss", **loss} for loss in losses([*sequences, *larger])]
+    write_results(
+        out, "sort", quick=quick, settings=dict(settings), seeds={"first_sequence": specs[0].seed}, figures=found,
+        rows=rows,
+    )  # fmt: skip
+    write_whole(out / "report.html", _page(sequences, larger, found))
+    return found
+
+
+def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, float]:
+    """Figures of the sequences, `sequences_*`, and of the runs of as many objects, and of ten, `*_10`.
+
+    Without larger batches the sequences are the runs.
+    """
+    nan = float("nan")
+    usual = sequences[0].get("objects_total", OBJECTS)
+    five = [row for row in larger if row.get("objects_total", usual) == usual] or list(sequences)
+    ten = [row for row in larger if row.get("objects_total") == 10]
+    known = {name: nan if value is None else value for name, value in batch_figures(five).items()}
+    of_ten = {name: nan if value is None else value for name, value in batch_figures(ten).items()}
+    told = [row for row in sequences if "objects_total" in row]
+    return {
+        **known,
+        "sequences": len(sequences),
+        "sequences_complete": sum(row["objects_sorted"] == row["objects_total"] for row in told),
+        "sequences_objects_sorted": sum(row["objects_sorted"] for row in told),
+        "sequences_trials": sum(row["manipulation_trials"] for row in told),
+        "sequences_errors": sum(row["manipulation_errors"] for row in told),
+        **({f"{name}_10": of_ten[name] for name in TEN} if ten else {}),
+    }
+
+
+TEN = ("runs", "objects_sorted_share", "objects_sorted_low95", "trials_per_object", "missorted", "cpu_s_per_run_median")
+
+
+def _row(table: str, row: Row) -> dict[str, Any]:
+    kept = ("seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
+            "manipulation_trials", "manipulation_errors", "cpu_s", "peak_memory_mib", "digest", "timing",
+            "limits")  # fmt: skip
+    return {"table": table, **{name: row[name] for name in kept if name in row}}
+
+
+def _page(sequences: Sequence[Row], larger: Sequence[Row], found: Mapping[str, float]) -> str:
+    parts = [
+        "<h1>Sequential sorting</h1>",
+        "<p>Objects are poured on the table and sorted into two bins. Above, the paper's eight sequences with a Fetch; "
+        "below, ours in simulation: another robot's world, so the rows stand side by side, no more.</p>",
+        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in AIMS]),
+        _table("The paper's", "abcdefgh", **PAPER),
+        _table(
+            "Ours",
+            [str(row["seed"]) for row in sequences],
+            objects=[row.get("objects_total", 0) for row in sequences],
+            errors=[row.get("manipulation_errors", 0) for row in sequences],
+            trials=[row.get("manipulation_trials", 0) for row in sequences],
+            completion=[row.get("objects_sorted", 0) / max(row.get("objects_total", 0), 1) for row in sequences],
+        ),
+        "<h2>Figures</h2>",
+        page.table(
+            ("figure", "value", "aim"),
+            [(page.text(name), f"{value:.4g}", page.text(aim(AIMS, name, value))) for name, value in found.items()],
+        ),
+        "<h2>Objects lost, by cause</h2>",
+        page.table(
+            ("cause", "objects"),
+            [(page.text(cause), str(count)) for cause, count in causes([*sequences, *larger]).items()],
+        ),
+        "<h2>Every one of them</h2>",
+        page.table(
+            ("seed", "object", "ended", "cause"),
+            [
+                (str(loss["seed"]), page.text(loss["label"]), page.text(loss["place"]), page.text(loss["cause"]))
+                for loss in losses([*sequences, *larger])
+            ],
+        ),
+    ]
+    return page.page("Sequential sorting", parts)
+
+
+def _table(
+    title: str,
+    names: Sequence[str],
+    *,
+    objects: Sequence[float],
+    errors: Sequence[float],
+    trials: Sequence[float],
+    completion: Sequence[float],
+) -> str:
+    """The paper's rows: a column for each sequence, and the sum."""
+    done = sum(share * count for share, count in zip(completion, objects, strict=True)) / max(sum(objects), 1)
+    rows = [
+        ("objects", *map(str, objects), str(sum(objects))),
+        ("manipulation errors", *map(str, errors), str(sum(errors))),
+        ("manipulation trials", *map(str, trials), str(sum(trials))),
+        ("completion ratio", *(f"{share:.2f}" for share in completion), f"{done:.3f}"),
+    ]
+    return f"<h2>{title}</h2>" + page.table(("", *names, "all"), rows)

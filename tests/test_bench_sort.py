@@ -1,0 +1,62 @@
+"""The paper's table beside ours, and figures of batches."""
+
+import json
+
+import pytest
+from test_batch_figures import attempt, run
+
+from sum_drake.batch import Processes
+from sum_drake.bench.sort import AIMS, PAPER, bench_sort, read_batch, sort_figures
+from sum_drake.cli import main
+from sum_drake.commands.batch import prepare
+from sum_drake.systems.scenario import load_scenario
+
+
+def pours(count, objects, first=0):
+    places = {f"o{i}": "bin" for i in range(objects)}
+    tries = [attempt(label, "sorted") for label in places]
+    return [run(first + i, places, tries) for i in range(count)]
+
+
+def test_the_papers_table_is_the_papers():
+    assert sum(PAPER["trials"]) == 43 and sum(PAPER["errors"]) == 6
+    assert sum(share * count for share, count in zip(PAPER["completion"], PAPER["objects"], strict=True)) == 38
+
+
+def test_figures_are_of_the_batches_by_number_of_objects_else_of_the_sequences():
+    sequences = pours(8, 5)
+    alone = sort_figures(sequences, [])
+    assert (alone["runs"], alone["sequences"], alone["sequences_objects_sorted"]) == (8, 8, 40)
+    assert "objects_sorted_share_10" not in alone
+    lost = run(99, {"a": "bin", "b": "bin", "c": "bin", "d": "bin", "e": "floor"}, [attempt("e", "dropped")])
+    both = sort_figures(sequences, [*pours(19, 5, 100), lost, *pours(4, 10, 200)])
+    assert (both["runs"], both["runs_10"]) == (20, 4)
+    assert both["objects_sorted_share"] == pytest.approx(0.99)
+    assert both["objects_sorted_share_10"] == 1.0
+    assert both["objects_sorted_low95"] <= 0.99 <= both["objects_sorted_high95"] <= 1.0
+    assert set(AIMS) <= set(both)
+
+
+def test_sequences_are_run_and_told_and_gone_on_with(tmp_path):
+    text = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
+    specs, settings = prepare(load_scenario(text=text, seed=3), 3, 2)
+    told = [
+        bench_sort(
+            tmp_path, specs, settings, Processes(2), [], quick=True, progress=lambda what, done, total: None
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    assert told[0].keys() == told[1].keys() and told[0]["cpu_s_per_run_median"] == told[1]["cpu_s_per_run_median"]
+    data = json.loads((tmp_path / "results.json").read_text())
+    assert [row["seed"] for row in data["rows"] if row["table"] == "sequence"] == [3, 4]
+    assert data["figures"]["objects_sorted_share"] == 0.0
+    page = (tmp_path / "report.html").read_text()
+    assert "The paper&#x27;s" in page or "The paper's" in page
+    assert len(read_batch(tmp_path / "sequences")) == 2
+
+
+def test_what_is_no_batch_is_refused_before_anything_is_run(tmp_path, capsys):
+    (tmp_path / "b").mkdir()
+    assert main(["bench", "sort", "--out", str(tmp_path / "out"), "--batch", str(tmp_path / "b")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no batch" in line and not (tmp_path / "out").exists()
