@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from sum_drake.commands import bench_plan, bench_sort
+from sum_drake.commands import bench_plan, bench_runs
 from sum_drake.commands.common import (
     AGAIN,
     Commands,
@@ -41,7 +41,7 @@ def add(commands: Commands) -> None:
     _add_pose(benches)
     _add_reject(benches)
     bench_plan.add(benches)
-    bench_sort.add(benches)
+    bench_runs.add(benches)
     _add_speed(benches)
 
 

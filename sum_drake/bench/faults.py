@@ -1,0 +1,151 @@
+"""`sum-drake bench faults`: runs in which things go wrong on purpose; whether any of it ends badly.
+
+The runs are a batch, in `runs/` of the bench's folder: called again, it goes on.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sum_drake import page
+from sum_drake.assets import InputError
+from sum_drake.batch import Executor, run_batch
+from sum_drake.batch_figures import Row, batch_figures, causes
+from sum_drake.bench.aims import Aims, aim
+from sum_drake.bench.results import write_results
+from sum_drake.bench.sort import read_batch
+from sum_drake.episodes import EpisodeSpec
+from sum_drake.files import write_whole
+from sum_drake.runlog_reader import read_what_there_is
+from sum_drake.types import SceneBelief
+
+FILES = ("results.json", "report.html", "runs")
+AIMS: Aims = {
+    "crashes": ("at most", 0),
+    "hangs": ("at most", 0),
+    "invalid_beliefs": ("at most", 0),
+    "limit_violations": ("at most", 0),
+    "missorted": ("at most", 0),
+    "dealt_with_within_2": ("at least", 0.9),
+}
+FIRST_SEED, RUNS = 700, 10
+SCENARIO = "faults"
+
+
+def bench_faults(
+    out: Path,
+    specs: Sequence[EpisodeSpec],
+    settings: Mapping[str, Any],
+    executor: Executor,
+    *,
+    quick: bool,
+    progress: Any,
+) -> dict[str, float]:
+    """Runs them, and writes results.json and report.html; returns the figures."""
+    run_batch(out / "runs", specs, settings, executor, progress)
+    runs = [row for row in read_batch(out / "runs") if row["seed"] in {spec.seed for spec in specs}]
+    broken = {row["seed"]: list(invalid_beliefs(out / "runs" / str(row["seed"]) / "run.mcap")) for row in runs}
+    found = fault_figures(runs, sum(map(len, broken.values())))
+    rows = (
+        [{"table": "fault", "seed": row["seed"], **fault} for row in runs for fault in row.get("faults") or ()]
+        + [
+            {"table": "run", **{name: row.get(name) for name in ("seed", "state", "reason", "outcome", "digest")}}
+            for row in runs
+        ]
+        + [{"table": "invalid_belief", "seed": seed, "what": what} for seed, said in broken.items() for what in said]
+    )
+    write_results(
+        out, "faults", quick=quick, settings=dict(settings), seeds={"first": specs[0].seed}, figures=found, rows=rows
+    )
+    write_whole(out / "report.html", _page(runs, found, rows))
+    return found
+
+
+def fault_figures(runs: Sequence[Row], invalid: int) -> dict[str, float]:
+    """Figures of the runs; invalid: how many beliefs were."""
+    known = batch_figures(runs)
+    faults = [fault for row in runs for fault in row.get("faults") or () if fault["happened"]]
+    kinds = sorted({fault["kind"] for fault in faults})
+
+    def within_two(some: Sequence[Mapping[str, Any]]) -> float:
+        """Share that was dealt with after at most two looks."""
+        soon = [fault["dealt_with_after"] is not None and fault["dealt_with_after"] <= 2 for fault in some]
+        return float(np.mean(soon)) if soon else float("nan")
+
+    return {
+        **{name: float("nan") if value is None else value for name, value in known.items()},
+        "invalid_beliefs": invalid,
+        "faults_happened": len(faults),
+        "dealt_with_within_2": within_two(faults),
+        **{f"dealt_with_within_2.{kind}": within_two([f for f in faults if f["kind"] == kind]) for kind in kinds},
+    }
+
+
+def invalid_beliefs(log: Path) -> Iterator[str]:
+    """What is wrong with the beliefs of a log, in words; a log that cannot be read holds none that is right."""
+    try:
+        record = read_what_there_is(log)
+    except InputError as error:
+        yield str(error)
+        return
+    for perception in record.perceptions:
+        yield from (f"observation {perception.step}: {said}" for said in _invalid(perception.posterior))
+
+
+def _invalid(belief: SceneBelief) -> Iterator[str]:
+    ids = [track.id for track in belief.tracks]
+    if len(ids) != len(set(ids)):
+        yield "two tracks of one id"
+    for track in belief.tracks:
+        if not 0.0 <= track.probability <= 1.0:  # nor is NaN
+            yield f"track {track.id} has probability {track.probability}"
+        if not (np.isfinite(track.X_WO).all() and np.isfinite(track.belief.X_WOs).all()):
+            yield f"track {track.id} is nowhere"
+        if not abs(track.belief.weights.sum() - 1.0) < 1e-6:
+            yield f"track {track.id} has weights that sum to {track.belief.weights.sum()}"
+
+
+def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mapping[str, Any]]) -> str:
+    faults = [row for row in rows if row["table"] == "fault"]
+    parts = [
+        "<h1>Runs with faults</h1>",
+        "<p>Things slip, are dropped, swept, taken and added; camera and detector fail.</p>",
+        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in AIMS]),
+        page.table(
+            ("figure", "value", "aim"),
+            [(page.text(name), f"{value:.4g}", page.text(aim(AIMS, name, value))) for name, value in found.items()],
+        ),
+        "<h2>Runs</h2>",
+        page.table(
+            ("seed", "how it ended", "outcome", "sorted"),
+            [
+                (
+                    str(row["seed"]),
+                    page.text(row["state"] + (f": {row['reason']}" if row["reason"] else "")),
+                    page.text(row.get("outcome", "")),
+                    f"{row.get('objects_sorted', 0)} of {row.get('objects_total', '?')}",
+                )
+                for row in runs
+            ],
+        ),
+        "<h2>Faults</h2>",
+        page.table(
+            ("seed", "look", "fault", "object", "dealt with after", "what the belief says"),
+            [
+                (
+                    str(row["seed"]),
+                    str(row["observation"]),
+                    page.text(row["kind"].replace("_", " ")),
+                    page.text(row["object"] or ""),
+                    "" if row["dealt_with_after"] is None else str(row["dealt_with_after"]),
+                    page.text(row["belief"]),
+                )
+                for row in faults
+            ],
+        ),
+        "<h2>Objects lost, by cause</h2>",
+        page.table(("cause", "objects"), [(page.text(cause), str(n)) for cause, n in causes(runs).items()]),
+    ]
+    return page.page("Runs with faults", parts)

@@ -1,0 +1,140 @@
+"""`sum-drake bench sort`, `faults` and `all`: experiments of whole runs, and all experiments in turn."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sum_drake.commands.batch import prepare
+from sum_drake.commands.common import (
+    AGAIN,
+    Commands,
+    Counting,
+    add_command,
+    add_parallel,
+    add_quiet,
+    check_count,
+    check_free,
+)
+
+if TYPE_CHECKING:
+    from sum_drake.episodes import EpisodeSpec
+
+BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "speed")
+"""In the order of `bench all`."""
+ANEW = ("detect", "speed")
+"""Those that begin anew where they were cut off."""
+
+
+def add(benches: Commands) -> None:
+    """Declares the commands."""
+    text = "sequential sorting: the paper's table beside eight sequences, and figures of larger batches"
+    sort = add_command(benches, "sort", _bench_sort, text, "bench sort --out out/sort --batch out/b60")
+    _add_usual(sort, "two sequences of two objects", 500)
+    sort.add_argument(
+        "--batch", type=Path, metavar="DIR", action="append", default=[],
+        help="folder of `sum-drake batch` whose runs the figures are of; may be given again",
+    )  # fmt: skip
+    text = "runs in which things go wrong on purpose: does any of it end badly?"
+    faults = add_command(benches, "faults", _bench_faults, text, "bench faults --out out/faults")
+    _add_usual(faults, "two runs", 700)
+    every = add_command(
+        benches, "all", _bench_all, f"all of them in turn: {', '.join(BENCHES)}", "bench all --quick --out out/all"
+    )
+    every.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of their folders; goes on there")
+    every.add_argument("--quick", action="store_true", help="each in its short form")
+    add_parallel(every, "--workers", "processes")
+    add_quiet(every)
+
+
+def _add_usual(one: argparse.ArgumentParser, quick: str, seed: int) -> None:
+    one.add_argument("--out", type=Path, metavar="DIR", required=True, help=AGAIN)
+    one.add_argument("--quick", action="store_true", help=quick)
+    one.add_argument("--seed", type=int, metavar="S", default=seed, help=f"of the first run (default: {seed})")
+    add_parallel(one, "--workers", "runs at a time")
+    add_quiet(one)
+
+
+def _bench_sort(options: argparse.Namespace) -> None:
+    from sum_drake.batch import Processes
+    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort, read_batch
+    from sum_drake.systems.scenario import load_scenario
+
+    for folder in options.batch:
+        read_batch(folder)  # what cannot be read is said before anything is run
+    runs, objects = (2, 2) if options.quick else (SEQUENCES, OBJECTS)
+
+    def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
+        executor, progress = Processes(options.workers), Counting(quiet=options.quiet)
+        return bench_sort(
+            options.out, specs, settings, executor, options.batch, quick=options.quick, progress=progress
+        )  # fmt: skip
+
+    check_count("--seed", options.seed, 0)
+    _run(options, load_scenario(seed=options.seed, objects=objects), runs, FILES, bench, AIMS)
+
+
+def _bench_faults(options: argparse.Namespace) -> None:
+    from sum_drake.batch import Processes
+    from sum_drake.bench.faults import AIMS, FILES, RUNS, SCENARIO, bench_faults
+    from sum_drake.systems.scenario import load_scenario
+
+    def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
+        executor, progress = Processes(options.workers), Counting(quiet=options.quiet)
+        return bench_faults(options.out, specs, settings, executor, quick=options.quick, progress=progress)
+
+    check_count("--seed", options.seed, 0)
+    scenario = load_scenario(name=SCENARIO, seed=options.seed)
+    _run(options, scenario, 2 if options.quick else RUNS, FILES, bench, AIMS)
+
+
+def _run(
+    options: argparse.Namespace,
+    scenario: Any,
+    runs: int,
+    files: tuple[str, ...],
+    bench: "Callable[[list[EpisodeSpec], dict[str, Any]], dict[str, float]]",
+    aims: Any,
+) -> None:
+    """A bench whose runs are a batch, the folder named last in `files`."""
+    from sum_drake.batch import check_batch
+    from sum_drake.bench.aims import format_figures
+    from sum_drake.doctor import require_rendering
+
+    check_count("--workers", options.workers)
+    check_free(options.out, files, force=True, what="bench")
+    specs, settings = prepare(scenario, options.seed, runs)
+    check_batch(options.out / files[-1], settings)
+    require_rendering()
+    try:
+        found = bench(specs, settings)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{options.out / files[-1]} keeps what was done: the same command goes on") from None
+    print(format_figures(found, aims))
+    print(options.out / "report.html")
+
+
+def _bench_all(options: argparse.Namespace) -> None:
+    """Those whose results are there are not done again."""
+    from sum_drake.cli import main
+
+    check_count("--workers", options.workers)
+    failed = []
+    for name in BENCHES:
+        out = options.out / name
+        if (out / "results.json").is_file():
+            continue
+        arguments = ["bench", name, "--out", str(out)]
+        arguments += ["--quick"] if options.quick else []
+        arguments += ["--force"] if name in ANEW and out.is_dir() else []
+        arguments += [] if name == "speed" else ["--workers", str(options.workers)]
+        arguments += ["--quiet"] if options.quiet else []
+        print(f"sum-drake {' '.join(arguments)}", file=sys.stderr, flush=True)
+        code = main(arguments)
+        if code == 130:
+            raise KeyboardInterrupt("the same command goes on")
+        if code != 0:
+            failed.append(name)
+    if failed:
+        raise RuntimeError(f"{', '.join(failed)}: see above")

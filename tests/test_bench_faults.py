@@ -1,0 +1,43 @@
+"""What is made of runs in which things go wrong on purpose."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from deciding import CAN, believe
+from test_batch_figures import run
+
+from sum_drake.bench.faults import AIMS, _invalid, fault_figures, invalid_beliefs
+from sum_drake.types import PoseBelief, SceneBelief, readonly
+
+
+def fault(kind, after, happened=True):
+    return {"kind": kind, "happened": happened, "dealt_with_after": after}
+
+
+def test_only_what_happened_is_to_be_dealt_with_and_soon():
+    rows = [
+        run(1, {"a": "bin"}, [], faults=[fault("swept", 2), fault("swept", 3), fault("taken", None)]),
+        run(2, {"a": "bin"}, [], faults=[fault("taken", 1), fault("camera", None, happened=False)]),
+        {"seed": 3, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0},
+    ]
+    found = fault_figures(rows, 2)
+    assert (found["faults_happened"], found["crashes"], found["invalid_beliefs"]) == (4, 1, 2)
+    assert found["dealt_with_within_2"] == pytest.approx(0.5)
+    assert found["dealt_with_within_2.swept"] == found["dealt_with_within_2.taken"] == pytest.approx(0.5)
+    assert "dealt_with_within_2.camera" not in found
+    assert set(AIMS) <= set(found)
+
+
+def test_what_is_wrong_with_a_belief_is_said():
+    track = believe("soup_can", CAN)
+    assert list(_invalid(SceneBelief(0, (track,), 1))) == []
+    nowhere = PoseBelief(readonly(np.full((2, 4, 4), np.nan)), readonly([0.5, 0.4]))
+    bad = [dataclasses.replace(track, id=1, probability=np.nan), dataclasses.replace(track, belief=nowhere)]
+    said = " ".join(_invalid(SceneBelief(0, (track, *bad), 3)))
+    assert all(word in said for word in ("two tracks of one id", "probability nan", "nowhere", "sum to 0.9"))
+
+
+def test_a_run_without_a_log_has_no_valid_belief(tmp_path):
+    (said,) = invalid_beliefs(tmp_path / "run.mcap")
+    assert "run.mcap" in said
