@@ -1,0 +1,144 @@
+"""Writes benchmarks/README.md and benchmarks/plots/*.svg from benchmarks/results/*.json: no figure is typed by hand.
+
+    python benchmarks/tables.py
+
+Run it whenever a result is committed; a test fails where it was forgotten.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sum_drake.bench import detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
+from sum_drake.bench.aims import Aims, aim
+from sum_drake.plots import Series, line_plot
+from sum_drake.reliability import reliability
+
+HERE = Path(__file__).resolve().parent
+BENCHES: dict[str, tuple[str, Aims]] = {
+    "detect": ("The detector, on pictures it has not seen", detect_figures.AIMS),
+    "pose": ("Poses in boxes of poured clutter, beside other methods", pose_figures.AIMS),
+    "reject": ("A belief that can be trusted, and what it makes of what goes wrong", reject_figures.AIMS),
+    "plan": ("Inverse kinematics, paths, and picks with true poses", plan.AIMS),
+    "sort": ("Sequential sorting", sort.AIMS),
+    "faults": ("Runs with faults", faults.AIMS),
+    "speed": ("What an object's pose costs", speed.AIMS),
+}
+WITHIN_M = np.linspace(0.0025, 0.2, 80)
+"""Distances of the plot of poses, metres."""
+
+
+def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """README.md of the committed results, by bench."""
+    lines = [
+        "# Measurements",
+        "",
+        "Written by `tables.py` from `results/*.json`, which the commands below wrote; do not edit. Scripts beside",
+        "this file measure one choice each, and say so in their first lines.",
+        "",
+    ]
+    for name, (title, aims) in BENCHES.items():
+        if name not in results:
+            continue
+        data = results[name]
+        versions = data["versions"]
+        lines += [f"## {title}", "", f"`sum-drake bench {name} --out out/{name}`", ""]
+        lines += [line for plot in PLOTS if PLOTS[plot][0] == name for line in (f"![{plot}](plots/{plot}.svg)", "")]
+        lines += ["| figure | value | aim |", "|---|---|---|"]
+        lines += [
+            f"| {figure} | {_number(value)} | {aim(aims, figure, float('nan') if value is None else value)} |"
+            for figure, value in data["figures"].items()
+        ]
+        told = ", ".join(f"{package} {versions[package]}" for package in ("python", "drake", "torch", "numpy"))
+        seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
+        lines += ["", f"On {data['device']}; {told}; seeds: {seeds}.", ""]
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.4g}"
+
+
+def _rows(data: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
+    return [row for row in data["rows"] if row["table"] == table]
+
+
+def pose_plot(data: Mapping[str, Any]) -> str:
+    """Share of estimates in right boxes whose distance is less than so much, whatever their angle, by method."""
+    rows = [row for row in _rows(data, "estimate") if not row["wrong_box"]]
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    off = {m: np.array([row["translation_m"] for row in rows if row["method"] == m], float) for m in methods}
+    series = [Series(m, 100 * WITHIN_M, [(off[m] <= d).mean() for d in WITHIN_M]) for m in methods]
+    return line_plot(
+        series, title="Poses within a distance", x_label="cm", y_label="share", y_range=(0, 1), size=(640, 340)
+    )  # fmt: skip
+
+
+def belief_plot(data: Mapping[str, Any]) -> str:
+    """How often what was stated came true."""
+    rows = _rows(data, "hypothesis")
+    told = reliability([row["probability"] for row in rows], [row["right"] for row in rows])
+    diagonal = Series("", [0, 1], [0, 1], dashed=True)
+    return line_plot(
+        [diagonal, Series("belief", told.stated, told.observed, dots=True)],
+        title="Stated probability, and how often it came true",
+        x_label="stated", y_label="came true", x_range=(0, 1), y_range=(0, 1),
+    )  # fmt: skip
+
+
+def plan_plot(data: Mapping[str, Any]) -> str:
+    """Share of planning problems that is solved within so many CPU seconds."""
+    seconds = np.geomspace(0.01, 10.0, 80)
+    kinds = {"pick": [row["cpu_s"] if row["solved"] else np.inf for row in _rows(data, "query")]}
+    for row in _rows(data, "problem"):
+        kinds.setdefault(row["kind"], []).append(row["time_s"] if row["solved"] else np.inf)
+    series = [Series(kind, seconds, [(np.array(t) <= s).mean() for s in seconds]) for kind, t in kinds.items()]
+    return line_plot(
+        series, title="Paths found", x_label="CPU s", y_label="share", y_range=(0, 1), log_x=True, size=(640, 340)
+    )  # fmt: skip
+
+
+def lost_plot(data: Mapping[str, Any]) -> str:
+    """Objects sorted, of those poured, run after run."""
+    rows = [row for row in _rows(data, "run") or _rows(data, "sequence") if "objects_total" in row]
+    sorted_, total = (np.cumsum([row[f"objects_{what}"] for row in rows]) for what in ("sorted", "total"))
+    runs = np.arange(1, len(rows) + 1)
+    every = Series("", runs, total, dashed=True)
+    return line_plot(
+        [every, Series("sorted", runs, sorted_)], title="Objects sorted", x_label="runs", y_label="objects"
+    )  # fmt: skip
+
+
+PLOTS = {
+    "poses": ("pose", pose_plot),
+    "belief": ("reject", belief_plot),
+    "paths": ("plan", plan_plot),
+    "sorted": ("sort", lost_plot),
+}
+"""Name of a file -> the bench it is of, and how it is drawn."""
+
+
+def read_results(folder: Path) -> dict[str, dict[str, Any]]:
+    """results/BENCH.json by bench, those that there are."""
+    return {name: json.loads(path.read_text()) for name in BENCHES if (path := folder / f"{name}.json").is_file()}
+
+
+def files(results: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """What is to be written, by path below this folder."""
+    plots = {f"plots/{plot}.svg": draw(results[of]) for plot, (of, draw) in PLOTS.items() if of in results}
+    return {"README.md": tables(results), **plots}
+
+
+def main() -> None:
+    """Writes the files."""
+    (HERE / "plots").mkdir(exist_ok=True)
+    for name, text in files(read_results(HERE / "results")).items():
+        (HERE / name).write_text(text)
+        print(HERE / name)
+
+
+if __name__ == "__main__":
+    main()
