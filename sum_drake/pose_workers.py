@@ -19,7 +19,7 @@ from sum_drake.filtering import PoseEstimate, PoseEstimator, PoseRequest
 from sum_drake.objects import Catalogue
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.types import Frame
-from sum_drake.workers import ignore_interrupts, one_thread_each
+from sum_drake.workers import belong_to_parent, one_thread_each
 
 T = TypeVar("T")
 WARMING = 2.0
@@ -105,7 +105,7 @@ _estimator: PoseEstimator | None = None
 
 def _begin(catalogue: Catalogue, config: FilterConfig, noise: DepthNoiseConfig | None, device: str) -> None:
     global _estimator
-    ignore_interrupts()
+    belong_to_parent()
     _estimator = PoseEstimator(catalogue, config, noise=noise, device=device)
 
 

@@ -1,8 +1,11 @@
 """What worker processes have in common: one thread each, and whoever started them ends them."""
 
 import contextlib
+import multiprocessing
+import multiprocessing.connection
 import os
 import signal
+import threading
 from collections.abc import Iterator
 
 ONE_THREAD = {
@@ -30,6 +33,14 @@ def one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def ignore_interrupts() -> None:
-    """For the start of a worker: Ctrl-C is for whoever started it."""
+def belong_to_parent() -> None:
+    """For the start of a worker: Ctrl-C is for whoever started it, and with that one, however it is killed, it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def end_with_it() -> None:
+            multiprocessing.connection.wait([parent.sentinel])
+            os._exit(1)
+
+        threading.Thread(target=end_with_it, daemon=True).start()

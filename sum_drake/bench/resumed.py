@@ -16,7 +16,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.files import write_whole
 from sum_drake.jsonio import decode, encode
 from sum_drake.objects import Catalogue
-from sum_drake.workers import ignore_interrupts, one_thread_each
+from sum_drake.workers import belong_to_parent, one_thread_each
 
 Task = tuple[str | int, ...]
 """What tells a task from others."""
@@ -141,6 +141,6 @@ def run_tasks(
 def _begin(begin: Callable[..., None], *arguments: Any) -> None:
     import torch
 
-    ignore_interrupts()
+    belong_to_parent()
     torch.set_num_threads(1)
     begin(*arguments)

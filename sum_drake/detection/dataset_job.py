@@ -23,7 +23,7 @@ from sum_drake.detection.dataset import (
 )
 from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
-from sum_drake.workers import ignore_interrupts, one_thread_each
+from sum_drake.workers import belong_to_parent, one_thread_each
 
 ORDER = ("validation", "train", "test", "shift")
 """In which the splits are rendered: training can begin on what is there."""
@@ -165,7 +165,7 @@ _worker: tuple[Catalogue, Path, Plan] | None = None
 
 def _begin_work(catalogue: Path, out: Path, plan: Plan) -> None:
     global _worker
-    ignore_interrupts()
+    belong_to_parent()
     _worker = load_catalogue(catalogue), out, plan
 
 
