@@ -8,7 +8,18 @@ import numpy as np
 from sum_drake.existence import LEAST
 from sum_drake.geometry import iou
 from sum_drake.rendering import predicted_box
-from sum_drake.types import Array, Association, Box, Detection, Frame, PickPlace, Track
+from sum_drake.types import (
+    Array,
+    Association,
+    Associations,
+    Box,
+    Detection,
+    Detections,
+    Frame,
+    PickPlace,
+    SceneBelief,
+    Track,
+)
 
 
 @dataclasses.dataclass
@@ -101,6 +112,22 @@ def associate(
         for j, (d, label) in enumerate(pairs)
         if j in matched or j in spawned
     )
+
+
+def associate_frame(
+    held: SceneBelief,
+    frame: Frame,
+    detections: Detections,
+    action: PickPlace | None,
+    vertices: Callable[[str], Array],
+    config: AssociationConfig,
+) -> Associations:
+    """`associate` with the belief as held, its tracks expected where they were and where the action put its target.
+
+    vertices: (v, 3) of a label's mesh. The frame is for its camera alone.
+    """
+    expected = expected_boxes(held.tracks, action, frame, vertices)
+    return Associations(detections.observation, associate(held.tracks, detections.boxes, config, expected))
 
 
 def _confidence(detection: Detection, label: str) -> float:

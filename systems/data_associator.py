@@ -4,10 +4,10 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context, LeafSystem
 
-from sum_drake.association import AssociationConfig, associate, expected_boxes
+from sum_drake.association import AssociationConfig, associate_frame
 from sum_drake.objects import Catalogue
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.types import Array, Associations, Detections, Frame, PickPlace, SceneBelief
+from sum_drake.types import Array, Detections, Frame, PickPlace, SceneBelief
 
 
 class DataAssociator(LeafSystem):
@@ -47,9 +47,7 @@ class DataAssociator(LeafSystem):
         frame: Frame = self._frame.Eval(context)
         held: SceneBelief = self._belief.Eval(context)
         action: PickPlace | None = unpack(self._action.Eval(context))
-        expected = expected_boxes(held.tracks, action, frame, self._vertices)
-        pairs = associate(held.tracks, detections.boxes, self._config, expected)
-        output.set_value(Associations(detections.observation, pairs))
+        output.set_value(associate_frame(held, frame, detections, action, self._vertices, self._config))
 
     def _vertices(self, label: str) -> Array:
         return np.asarray(self._catalogue[label].load_mesh().vertices)
