@@ -25,12 +25,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from sum_drake.assets import InputError, one_line
+from sum_drake.encoders import color_image, quaternion, raw_image, timestamp, transform, vector, without_pictures
 from sum_drake.jsonio import encode
+from sum_drake.mcap_log import McapLog, nanoseconds
 from sum_drake.resampling import systematic
 from sum_drake.types import Array, Attempt, Frame, Perception, PoseBelief, SceneBelief, Track, readonly
 
@@ -65,41 +64,31 @@ class RunLogWriter:
     """
 
     def __init__(self, path: Path, *, metadata: Mapping[str, str] | None = None, particles: int = 64) -> None:
-        import foxglove
         from foxglove import channels
-        from foxglove.mcap import MCAPWriteOptions
 
         self.last_step = -1
         """Step of the perception record written last."""
         self.attempts = 0
         """How many attempts were written."""
+        self.last_motion = -1
+        """Id of the motion written last."""
         self._particles = particles
         self._event_time, self._last_events = -np.inf, dict[str, Any]()
-        # A context of its own, kept: channels close when it goes.
-        self._context = context = foxglove.Context()
-        # One compression thread: the bytes of a log are a function of what is logged. No seeking: a chunk is put into
-        # the file when it is whole. Otherwise its length is filled in afterwards, and of a log that was killed before
-        # that, readers other than ours make nothing.
-        options = MCAPWriteOptions(chunk_size=1 << 20, compression_threads=0, disable_seeking=True)
-        try:
-            self._mcap = foxglove.open_mcap(str(path), allow_overwrite=True, context=context, writer_options=options)
-        except (OSError, RuntimeError) as error:
-            raise InputError(
-                f"cannot write the log {path}: {one_line(error)}; expected a folder that can be written"
-            ) from None
-        self._mcap.write_metadata("sum-drake", {"schema": SCHEMA, **(metadata or {})})
+        self.file = file = McapLog(path, metadata={"schema": SCHEMA, **(metadata or {})})
+        """The file itself, for further topics."""
+        context = file.context
 
-        def json_channel(topic: str, title: str) -> foxglove.Channel:
-            return foxglove.Channel(topic, schema={"type": "object", "title": title}, context=context)
+        def json_channel(topic: str, title: str, **schema: Any) -> Any:
+            return file.json_channel(topic, {"title": title, **schema})
 
-        self._color = channels.CompressedImageChannel(f"/{CAMERA}/color", context=context)
-        self._depth = channels.RawImageChannel(f"/{CAMERA}/depth", context=context)
-        self._calibration = channels.CameraCalibrationChannel(f"/{CAMERA}/calibration", context=context)
-        self._detections = channels.ImageAnnotationsChannel(f"/{CAMERA}/detections", context=context)
-        self._transforms = channels.FrameTransformsChannel("/tf", context=context)
-        self._scene = channels.SceneUpdateChannel("/scene", context=context)
-        self._poses = channels.PosesInFrameChannel("/particles", context=context)
-        self._joint_states = channels.JointStatesChannel("/joint_states", context=context)
+        self._color = channels.CompressedImageChannel(file.claim(f"/{CAMERA}/color"), context=context)
+        self._depth = channels.RawImageChannel(file.claim(f"/{CAMERA}/depth"), context=context)
+        self._calibration = channels.CameraCalibrationChannel(file.claim(f"/{CAMERA}/calibration"), context=context)
+        self._detections = channels.ImageAnnotationsChannel(file.claim(f"/{CAMERA}/detections"), context=context)
+        self._transforms = channels.FrameTransformsChannel(file.claim("/tf"), context=context)
+        self._scene = channels.SceneUpdateChannel(file.claim("/scene"), context=context)
+        self._poses = channels.PosesInFrameChannel(file.claim("/particles"), context=context)
+        self._joint_states = channels.JointStatesChannel(file.claim("/joint_states"), context=context)
         self._perception = json_channel("/perception", "sum_drake.Perception")
         self._attempt = json_channel("/attempt", "sum_drake.Attempt")
         self._event = json_channel("/event", "sum_drake.Event")
@@ -114,7 +103,7 @@ class RunLogWriter:
 
     def close(self) -> None:
         """Ends the file; a log without this is readable all the same, and reads as cut off."""
-        self._mcap.close()
+        self.file.close()
 
     def write_perception(self, perception: Perception) -> None:
         """One observation: its pictures, then what is shown of it, then the record."""
@@ -123,26 +112,26 @@ class RunLogWriter:
         self._write_view(perception)
         lean = dataclasses.replace(
             perception,
-            frame=_without_pictures(frame),
+            frame=without_pictures(frame),
             prior=_thin_scene(perception.prior, self._particles),
             posterior=_thin_scene(perception.posterior, self._particles),
         )
         # Last: a record that can be read has its pictures before it.
-        self._perception.log(encode(lean), log_time=_nanoseconds(frame.time))
-        self._mcap.flush()
+        self._perception.log(encode(lean), log_time=nanoseconds(frame.time))
+        self.file.flush()
         self.last_step = perception.step
 
     def write_attempt(self, time: float, attempt: Attempt) -> None:
         """One attempt at one object, at simulation time `time`."""
-        self._attempt.log(encode(attempt), log_time=_nanoseconds(time))
-        self._mcap.flush()
+        self._attempt.log(encode(attempt), log_time=nanoseconds(time))
+        self.file.flush()
         self.attempts += 1
 
     def write_event(self, time: float, name: str, detail: Mapping[str, Any] | None = None) -> None:
         """Anything else worth knowing: `name` and plain data."""
         said = encode(dict(detail or {}))
-        self._event.log({"time": time, "name": name, "detail": said}, log_time=_nanoseconds(time))
-        self._mcap.flush()
+        self._event.log({"time": time, "name": name, "detail": said}, log_time=nanoseconds(time))
+        self.file.flush()
         self._event_time, self._last_events[name] = time, said
 
     def write_change(self, time: float, name: str, detail: Mapping[str, Any]) -> None:
@@ -159,26 +148,15 @@ class RunLogWriter:
             for name, position in zip(names, positions, strict=True)
         ]
         self._joint_states.log(
-            messages.JointStates(timestamp=_timestamp(time), joints=joints), log_time=_nanoseconds(time)
+            messages.JointStates(timestamp=timestamp(time), joints=joints), log_time=nanoseconds(time)
         )
 
     def _write_frame(self, frame: Frame) -> None:
         from foxglove import messages
 
-        stamp, log_time = _timestamp(frame.time), _nanoseconds(frame.time)
-        height, width = frame.depth.shape
-        _, png = cv2.imencode(".png", cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR))
-        self._color.log(
-            messages.CompressedImage(timestamp=stamp, frame_id=CAMERA, data=png.tobytes(), format="png"),
-            log_time=log_time,
-        )
-        self._depth.log(
-            messages.RawImage(
-                timestamp=stamp, frame_id=CAMERA, width=width, height=height, encoding="32FC1", step=4 * width,
-                data=frame.depth.astype("<f4").tobytes(),
-            ),
-            log_time=log_time,
-        )  # fmt: skip
+        stamp, log_time = timestamp(frame.time), nanoseconds(frame.time)
+        self._color.log(color_image(frame.color, frame.time, CAMERA), log_time=log_time)
+        self._depth.log(raw_image(frame.depth, frame.time, CAMERA), log_time=log_time)
         c = frame.camera
         self._calibration.log(
             messages.CameraCalibration(
@@ -195,7 +173,7 @@ class RunLogWriter:
         from foxglove import messages
 
         frame, tracks = perception.frame, perception.posterior.tracks
-        stamp, log_time = _timestamp(frame.time), _nanoseconds(frame.time)
+        stamp, log_time = timestamp(frame.time), nanoseconds(frame.time)
 
         outlines, texts = [], []
         for detection in perception.detections:
@@ -222,17 +200,9 @@ class RunLogWriter:
 
         transforms = [(CAMERA, frame.X_WC)] + [(_track_frame(track), track.X_WO) for track in tracks]
         self._transforms.log(
-            messages.FrameTransforms(
-                transforms=[
-                    messages.FrameTransform(
-                        timestamp=stamp, parent_frame_id="world", child_frame_id=name,
-                        translation=_vector(X[:3, 3]), rotation=_quaternion(X),
-                    )
-                    for name, X in transforms
-                ]
-            ),
+            messages.FrameTransforms(transforms=[transform(X, name, frame.time) for name, X in transforms]),
             log_time=log_time,
-        )  # fmt: skip
+        )
         deletions = [messages.SceneEntityDeletion(timestamp=stamp, type=messages.SceneEntityDeletionType.All)]
         self._scene.log(
             messages.SceneUpdate(deletions=deletions, entities=[_entity(track, stamp) for track in tracks]),
@@ -248,34 +218,10 @@ class RunLogWriter:
         )
 
 
-def _nanoseconds(time: float) -> int:
-    return round(time * 1e9)
-
-
-def _timestamp(time: float) -> Any:
-    from foxglove import messages
-
-    seconds, nanoseconds = divmod(_nanoseconds(time), 1_000_000_000)
-    return messages.Timestamp(sec=seconds, nsec=nanoseconds)
-
-
-def _vector(p: Array) -> Any:
-    from foxglove import messages
-
-    return messages.Vector3(x=float(p[0]), y=float(p[1]), z=float(p[2]))
-
-
-def _quaternion(X: Array) -> Any:
-    from foxglove import messages
-
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(X[:3, :3]).as_quat())
-    return messages.Quaternion(w=w, x=x, y=y, z=z)
-
-
 def _pose(X: Array) -> Any:
     from foxglove import messages
 
-    return messages.Pose(position=_vector(X[:3, 3]), orientation=_quaternion(X))
+    return messages.Pose(position=vector(X[:3, 3]), orientation=quaternion(X))
 
 
 def _entity(track: Track, stamp: Any) -> Any:
@@ -300,7 +246,3 @@ def _entity(track: Track, stamp: Any) -> Any:
     return messages.SceneEntity(
         timestamp=stamp, frame_id=_track_frame(track), id=str(track.id), lines=[lines], texts=[name]
     )
-
-
-def _without_pictures(frame: Frame) -> Frame:
-    return dataclasses.replace(frame, color=np.zeros((0, 0, 3), np.uint8), depth=np.zeros((0, 0), np.float32))

@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.jsonio import decode
@@ -181,6 +182,21 @@ def _fields(data: bytes) -> dict[int, list[Any]]:
 
 def _double(data: bytes) -> float:
     return float(struct.unpack("<d", data)[0])
+
+
+def frame_transforms(message: bytes) -> tuple[tuple[str, str, Array], ...]:
+    """(parent frame, child frame, (4, 4) pose of the child in the parent) of each of a foxglove.FrameTransforms."""
+    return tuple(_frame_transform(_fields(data)) for data in _fields(message).get(1, []))
+
+
+def _frame_transform(fields: dict[int, list[Any]]) -> tuple[str, str, Array]:
+    p, q = (
+        [_double(part[axis][0]) if axis in part else 0.0 for axis in axes]  # zeros are not on the wire
+        for part, axes in ((_fields(fields[4][0]), (1, 2, 3)), (_fields(fields[5][0]), (1, 2, 3, 4)))
+    )
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = Rotation.from_quat(q).as_matrix(), p
+    return fields[2][0].decode(), fields[3][0].decode(), readonly(X)
 
 
 def _color(message: bytes) -> Any:
