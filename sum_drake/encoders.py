@@ -205,6 +205,7 @@ def _bytes(array: Any) -> Hashable:
     return array.shape, array.tobytes()
 
 
+_kind: type
 for _kind in (str, bool, int, float, dict):
     register_encoder(_kind, _plain)
 for _kind in (list, tuple):
