@@ -157,7 +157,9 @@ class Attempting:
         )
         if isinstance(plan, Infeasible):
             counts = plan.grasp_candidates, plan.rejected_by
-            return Attempt(step, track.id, track.label, region, "none", plan.reason, *counts, None)
+            return Attempt(
+                step, track.id, track.label, region, "none", plan.reason, *counts, None, candidates=plan.candidates
+            )
         return plan
 
     def _spots(

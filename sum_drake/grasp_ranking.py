@@ -19,6 +19,8 @@ DOUBT = 0.2
 """How much less probable it is that a grasp holds whose contact is bad, or which has no room."""
 ENOUGH, ROUNDS = 10, 3
 """The next best grasps are tried out on the belief until so many hold, or so many times."""
+DROPPED = 200
+"""Of the candidates that are dropped about this many are told one by one."""
 RANKING_POINTS = 5000
 """At most this many surface points are used while ranking, where time is short."""
 
@@ -55,6 +57,10 @@ class RankedGrasps(Immutable):
     """Number of candidates dropped for each of CAUSES."""
     holds: Array = dataclasses.field(default_factory=lambda: readonly(np.empty(0)))
     """(n,): about the probability that the hand gets hold of the object, if it is one of the belief's particles."""
+    X_WDs: Array = dataclasses.field(default_factory=lambda: readonly(np.empty((0, 4, 4))))
+    """(d, 4, 4): a sample of the candidates that were dropped."""
+    causes: tuple[str, ...] = ()
+    """(d,): the cause of each, as in `rejected_by`."""
 
 
 def rank_grasps(
@@ -153,6 +159,7 @@ def rank_grasps(
     order = best[np.argsort(-scores[best], kind="stable")]
     order = order[cause[order] < 0]
     X_OGs = inverse(X_WO) @ X_WGs
+    dropped = _sample(cause)
     return RankedGrasps(
         grasps=tuple(Grasp(model.label, readonly(X_OGs[i]), float(widths[i]), float(qualities[i])) for i in order),
         X_WGs=readonly(X_WGs[order]),
@@ -160,7 +167,28 @@ def rank_grasps(
         scores=readonly(scores[order]),
         rejected_by=_counts(cause, nearest, owners),
         holds=readonly(holds[order]),
+        X_WDs=readonly(X_WGs[dropped]),
+        causes=tuple(_named(int(cause[i]), nearest[i], owners) for i in dropped),
     )
+
+
+def _sample(cause: Indices) -> Indices:
+    """Indices of about DROPPED dropped candidates: of each cause its share, and at least one."""
+    dropped = np.flatnonzero(cause >= 0)
+    by_cause = dropped[np.argsort(cause[dropped], kind="stable")]
+    if len(by_cause) <= DROPPED:
+        return by_cause
+    spread = np.linspace(0, len(by_cause) - 1, DROPPED).round().astype(int)
+    firsts = np.unique(cause[by_cause], return_index=True)[1]
+    return by_cause[np.union1d(spread, firsts)]
+
+
+def _named(cause: int, nearest: Indices, owners: Sequence[str] | None) -> str:
+    """A cause, with whose point is in the way where that is known; nearest: (3,), of the parts of one hand."""
+    name = CAUSES[cause]
+    if owners is None or name not in NEIGHBOUR_CAUSES:
+        return name
+    return f"{name}_{owners[nearest[NEIGHBOUR_CAUSES.index(name)]]}"
 
 
 def _counts(cause: Indices, nearest: Indices, owners: Sequence[str] | None) -> tuple[tuple[str, int], ...]:

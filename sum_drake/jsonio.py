@@ -15,9 +15,13 @@ from sum_drake.types import readonly
 
 
 def encode(value: Any, real: Callable[[float], Any] = float) -> Any:
-    """Dataclasses as objects, tuples and arrays as lists; `real` says how a floating-point number is written."""
+    """Dataclasses as objects, tuples and arrays as lists; `real` says how a floating-point number is written.
+
+    Fields that are marked `types.APART` are left out.
+    """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: encode(getattr(value, field.name), real) for field in dataclasses.fields(value)}
+        fields = (field.name for field in dataclasses.fields(value) if not field.metadata.get("apart"))
+        return {name: encode(getattr(value, name), real) for name in fields}
     if isinstance(value, Mapping):
         return {str(key): encode(item, real) for key, item in value.items()}
     if isinstance(value, np.ndarray):

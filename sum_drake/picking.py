@@ -10,7 +10,7 @@ set down on the table, rather than let go over a bin, is first lowered straight 
 import dataclasses
 import itertools
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -36,7 +36,18 @@ from sum_drake.pick_phases import (
 )
 from sum_drake.planning_scene import PlanningScene, Solid, solid_of
 from sum_drake.robot import VIEW
-from sum_drake.types import Array, Grasp, Immutable, Load, Motion, Region, Segment, Trajectory, readonly
+from sum_drake.types import (
+    Array,
+    Grasp,
+    GraspCandidates,
+    Immutable,
+    Load,
+    Motion,
+    Region,
+    Segment,
+    Trajectory,
+    readonly,
+)
 
 NEAR = ("grasp_collision", "reach", "lift")
 """Those that may be for want of room beside neighbours."""
@@ -61,6 +72,7 @@ class PickPlan(Immutable):
     """Grasps that were ranked, kept or dropped."""
     rejected_by: tuple[tuple[str, int], ...]
     """Grasps dropped before this one, by cause: grasp_ranking.CAUSES, then REASONS."""
+    candidates: GraspCandidates | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -71,6 +83,7 @@ class Infeasible(Immutable):
     """One of REASONS: the furthest that any grasp got."""
     grasp_candidates: int
     rejected_by: tuple[tuple[str, int], ...]
+    candidates: GraspCandidates | None = None
 
 
 def plan_pick_place(
@@ -125,21 +138,26 @@ def _plan(
     config, X_WO = scenes.config, target.X_WS
     candidates = len(ranked.grasps) + sum(count for _, count in ranked.rejected_by)
     rejected: Counter[str] = Counter()
+    fates: dict[int, str] = {}
 
     def counts() -> tuple[tuple[str, int], ...]:
         return (*ranked.rejected_by, *sorted(rejected.items()))
 
     if not scenes.around.is_free(q_now):
-        rejected["start_in_collision" + met(scenes.around, q_now[None])] += len(ranked.grasps)
-        return Infeasible("start_in_collision", candidates, counts())
+        cause = "start_in_collision" + met(scenes.around, q_now[None])
+        rejected[cause] += len(ranked.grasps)
+        considered = _considered(ranked, dict.fromkeys(range(len(ranked.grasps)), cause))
+        return Infeasible("start_in_collision", candidates, counts(), considered)
     if spots is not None and not len(spots) and ranked.grasps:
         rejected["no_place"] += len(ranked.grasps)
-        return Infeasible("no_place", candidates, counts())
+        considered = _considered(ranked, dict.fromkeys(range(len(ranked.grasps)), "no_place"))
+        return Infeasible("no_place", candidates, counts(), considered)
     furthest = "no_grasp"
 
-    def given_up(why: GivenUp) -> None:
+    def given_up(i: int, why: GivenUp) -> None:
         nonlocal furthest
         rejected[why.cause] += 1
+        fates[i] = why.cause
         furthest = max(furthest, why.stage, key=REASONS.index)
 
     def ways() -> Iterator[tuple[int, PickWay, list[PlaceWay]]]:
@@ -160,7 +178,7 @@ def _plan(
                 else:
                     places = places_at(arm, scenes, pick, target, spots, openings)
             except GivenUp as why:
-                given_up(why)
+                given_up(i, why)
                 continue
             if places[0].fall <= config.gentle:
                 yield i, pick, places
@@ -173,7 +191,7 @@ def _plan(
         try:
             motions = _connect(scenes, pick, places, target, q_now, gap, int(rng.integers(2**31)))
         except GivenUp as why:
-            given_up(why)
+            given_up(i, why)
             continue
         place, pick_motion, place_motion = motions
         load = Load(grasp.width, DEFAULT_MASS if model.mass is None else model.mass)
@@ -186,8 +204,18 @@ def _plan(
             X_WO_place=readonly(place.X_WO),
             grasp_candidates=candidates,
             rejected_by=counts(),
+            candidates=_considered(ranked, fates | {i: "chosen"}),
         )
-    return Infeasible(furthest, candidates, counts())
+    return Infeasible(furthest, candidates, counts(), _considered(ranked, fates))
+
+
+def _considered(ranked: RankedGrasps, fates: Mapping[int, str]) -> GraspCandidates:
+    """What there was to choose from. fates: what became of grasps that were looked at, by their rank."""
+    return GraspCandidates(
+        X_WGs=readonly(np.concatenate([ranked.X_WGs, ranked.X_WDs])),
+        fates=(*(fates.get(i, "") for i in range(len(ranked.grasps))), *ranked.causes),
+        scores=ranked.scores,
+    )
 
 
 def _examined(count: int, limit: int) -> list[int]:

@@ -6,11 +6,16 @@ What a person looks at is written in Foxglove's schemas, what a program needs to
     /head_camera/depth        foxglove.RawImage          32FC1, metres, 0 where the sensor returned nothing
     /head_camera/calibration  foxglove.CameraCalibration
     /head_camera/detections   foxglove.ImageAnnotations
-    /tf                       foxglove.FrameTransforms   the camera and every track in the world
+    /tf                       foxglove.FrameTransforms   the camera and every track in the world; the hand
     /scene                    foxglove.SceneUpdate       axes and names of the tracks
     /particles                foxglove.PosesInFrame      beliefs, thinned
     /joint_states             foxglove.JointStates
     /perception               sum_drake.Perception       JSON, without the pictures, beliefs thinned
+    /associations             sum_drake.Associations     JSON
+    /belief                   sum_drake.Belief           JSON, the probability of each track, to be plotted
+    /plan                     sum_drake.Motion           JSON, a motion that was planned, thinned
+    /grasps                   sum_drake.GraspCandidates  JSON, what was considered for the attempt that follows
+    /grasps/scene             foxglove.SceneUpdate       the same as lines, coloured by what became of them
     /attempt                  sum_drake.Attempt          JSON
     /event                    sum_drake.Event            JSON
 
@@ -25,17 +30,44 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from sum_drake.assets import InputError, one_line
+from sum_drake.encoders import color_image, quaternion, raw_image, timestamp, transform, vector, without_pictures
 from sum_drake.jsonio import encode
+from sum_drake.mcap_log import McapLog, nanoseconds
 from sum_drake.resampling import systematic
-from sum_drake.types import Array, Attempt, Frame, Perception, PoseBelief, SceneBelief, Track, readonly
+from sum_drake.types import (
+    Array,
+    Associations,
+    Attempt,
+    Frame,
+    GraspCandidates,
+    Motion,
+    Perception,
+    PoseBelief,
+    SceneBelief,
+    Track,
+    Trajectory,
+    readonly,
+)
 
 SCHEMA = "sum-drake/log/1"
 CAMERA = "head_camera"
+HAND_FRAME = "hand"
+DIGITS = 6
+"""Decimals of planned motions and of the hands of candidate grasps: micrometres and microradians."""
+PLAN_RATE, PLAN_POINTS = 50.0, 200
+"""Of a segment so many points a second are kept, and at most so many."""
+HAND_LINE = 0.05
+"""Length of the line that stands for a hand, from between the finger tips back along its approach, metres."""
+FATE_COLORS = {
+    "chosen": (0.0, 0.8, 0.2, 1.0),
+    "": (0.2, 0.5, 1.0, 0.8),
+    "ranked": (1.0, 0.6, 0.0, 0.9),
+    "dropped": (0.9, 0.1, 0.1, 0.35),
+}
+"""Of `/grasps/scene`: taken, ranked and not looked at, given up by the planner, dropped before."""
 
 
 def thin(belief: PoseBelief, count: int) -> PoseBelief:
@@ -49,6 +81,41 @@ def thin(belief: PoseBelief, count: int) -> PoseBelief:
 def _thin_scene(scene: SceneBelief, count: int) -> SceneBelief:
     tracks = tuple(dataclasses.replace(track, belief=thin(track.belief, count)) for track in scene.tracks)
     return dataclasses.replace(scene, tracks=tracks)
+
+
+def _thin_trajectory(trajectory: Trajectory) -> Trajectory:
+    """Some of its points, both ends among them."""
+    times = trajectory.times
+    count = min(PLAN_POINTS, max(2, int(np.ceil(times[-1] * PLAN_RATE)) + 1))
+    if len(times) <= count:
+        return trajectory
+    kept = np.unique(np.searchsorted(times, np.linspace(0.0, times[-1], count)))
+    return Trajectory(*(readonly(part[kept]) for part in (times, trajectory.positions, trajectory.velocities)))
+
+
+def lean_candidates(candidates: GraspCandidates) -> dict[str, Any]:
+    """As plain data: hands as x, y, z and quaternion w, x, y, z; fates as indices into causes."""
+    X_WGs = candidates.X_WGs
+    quaternions = Rotation.from_matrix(X_WGs[:, :3, :3]).as_quat()[:, [3, 0, 1, 2]] if len(X_WGs) else np.empty((0, 4))
+    causes = sorted(set(candidates.fates))
+    return {
+        "causes": causes,
+        "fates": [causes.index(fate) for fate in candidates.fates],
+        "hands": np.round(np.hstack([X_WGs[:, :3, 3], quaternions]), DIGITS).tolist(),
+        "scores": np.round(candidates.scores, DIGITS).tolist(),
+    }
+
+
+def candidates_of(data: Mapping[str, Any]) -> GraspCandidates:
+    """The inverse of `lean_candidates`. Raises ValueError, KeyError, TypeError or IndexError for other data."""
+    hands = np.reshape(np.array(data["hands"], dtype=np.float64), (-1, 7))
+    X_WGs = np.tile(np.eye(4), (len(hands), 1, 1))
+    if len(hands):
+        X_WGs[:, :3, :3], X_WGs[:, :3, 3] = Rotation.from_quat(hands[:, [4, 5, 6, 3]]).as_matrix(), hands[:, :3]
+    fates = tuple(str(data["causes"][i]) for i in data["fates"])
+    if len(fates) != len(hands) or len(data["scores"]) > len(hands):
+        raise ValueError(f"{len(fates)} fates and {len(data['scores'])} scores of {len(hands)} hands")
+    return GraspCandidates(readonly(X_WGs), fates, readonly(data["scores"]))
 
 
 def _track_frame(track: Track) -> str:
@@ -65,42 +132,38 @@ class RunLogWriter:
     """
 
     def __init__(self, path: Path, *, metadata: Mapping[str, str] | None = None, particles: int = 64) -> None:
-        import foxglove
         from foxglove import channels
-        from foxglove.mcap import MCAPWriteOptions
 
         self.last_step = -1
         """Step of the perception record written last."""
         self.attempts = 0
         """How many attempts were written."""
+        self.last_motion = -1
+        """Id of the motion written last."""
         self._particles = particles
+        self._joint_time = -np.inf
         self._event_time, self._last_events = -np.inf, dict[str, Any]()
-        # A context of its own, kept: channels close when it goes.
-        self._context = context = foxglove.Context()
-        # One compression thread: the bytes of a log are a function of what is logged. No seeking: a chunk is put into
-        # the file when it is whole. Otherwise its length is filled in afterwards, and of a log that was killed before
-        # that, readers other than ours make nothing.
-        options = MCAPWriteOptions(chunk_size=1 << 20, compression_threads=0, disable_seeking=True)
-        try:
-            self._mcap = foxglove.open_mcap(str(path), allow_overwrite=True, context=context, writer_options=options)
-        except (OSError, RuntimeError) as error:
-            raise InputError(
-                f"cannot write the log {path}: {one_line(error)}; expected a folder that can be written"
-            ) from None
-        self._mcap.write_metadata("sum-drake", {"schema": SCHEMA, **(metadata or {})})
+        self.file = file = McapLog(path, metadata={"schema": SCHEMA, **(metadata or {})})
+        """The file itself, for further topics."""
+        context = file.context
 
-        def json_channel(topic: str, title: str) -> foxglove.Channel:
-            return foxglove.Channel(topic, schema={"type": "object", "title": title}, context=context)
+        def json_channel(topic: str, title: str, **schema: Any) -> Any:
+            return file.json_channel(topic, {"title": title, **schema})
 
-        self._color = channels.CompressedImageChannel(f"/{CAMERA}/color", context=context)
-        self._depth = channels.RawImageChannel(f"/{CAMERA}/depth", context=context)
-        self._calibration = channels.CameraCalibrationChannel(f"/{CAMERA}/calibration", context=context)
-        self._detections = channels.ImageAnnotationsChannel(f"/{CAMERA}/detections", context=context)
-        self._transforms = channels.FrameTransformsChannel("/tf", context=context)
-        self._scene = channels.SceneUpdateChannel("/scene", context=context)
-        self._poses = channels.PosesInFrameChannel("/particles", context=context)
-        self._joint_states = channels.JointStatesChannel("/joint_states", context=context)
+        self._color = channels.CompressedImageChannel(file.claim(f"/{CAMERA}/color"), context=context)
+        self._depth = channels.RawImageChannel(file.claim(f"/{CAMERA}/depth"), context=context)
+        self._calibration = channels.CameraCalibrationChannel(file.claim(f"/{CAMERA}/calibration"), context=context)
+        self._detections = channels.ImageAnnotationsChannel(file.claim(f"/{CAMERA}/detections"), context=context)
+        self._transforms = channels.FrameTransformsChannel(file.claim("/tf"), context=context)
+        self._scene = channels.SceneUpdateChannel(file.claim("/scene"), context=context)
+        self._poses = channels.PosesInFrameChannel(file.claim("/particles"), context=context)
+        self._joint_states = channels.JointStatesChannel(file.claim("/joint_states"), context=context)
         self._perception = json_channel("/perception", "sum_drake.Perception")
+        self._associations = json_channel("/associations", "sum_drake.Associations")
+        self._belief = json_channel("/belief", "sum_drake.Belief", additionalProperties={"type": "number"})
+        self._plan = json_channel("/plan", "sum_drake.Motion")
+        self._grasps = json_channel("/grasps", "sum_drake.GraspCandidates")
+        self._grasp_scene = channels.SceneUpdateChannel(file.claim("/grasps/scene"), context=context)
         self._attempt = json_channel("/attempt", "sum_drake.Attempt")
         self._event = json_channel("/event", "sum_drake.Event")
 
@@ -114,7 +177,7 @@ class RunLogWriter:
 
     def close(self) -> None:
         """Ends the file; a log without this is readable all the same, and reads as cut off."""
-        self._mcap.close()
+        self.file.close()
 
     def write_perception(self, perception: Perception) -> None:
         """One observation: its pictures, then what is shown of it, then the record."""
@@ -123,26 +186,34 @@ class RunLogWriter:
         self._write_view(perception)
         lean = dataclasses.replace(
             perception,
-            frame=_without_pictures(frame),
+            frame=without_pictures(frame),
             prior=_thin_scene(perception.prior, self._particles),
             posterior=_thin_scene(perception.posterior, self._particles),
         )
+        pairs = Associations(perception.step, perception.associations)
+        self._associations.log(encode(pairs), log_time=nanoseconds(frame.time))
+        self._belief.log(
+            {f"{track.label}_{track.id}": track.probability for track in perception.posterior.tracks},
+            log_time=nanoseconds(frame.time),
+        )
         # Last: a record that can be read has its pictures before it.
-        self._perception.log(encode(lean), log_time=_nanoseconds(frame.time))
-        self._mcap.flush()
+        self._perception.log(encode(lean), log_time=nanoseconds(frame.time))
+        self.file.flush()
         self.last_step = perception.step
 
     def write_attempt(self, time: float, attempt: Attempt) -> None:
-        """One attempt at one object, at simulation time `time`."""
-        self._attempt.log(encode(attempt), log_time=_nanoseconds(time))
-        self._mcap.flush()
+        """One attempt at one object, at simulation time `time`, and the grasps that were considered for it."""
+        if attempt.candidates is not None:
+            self._write_candidates(time, attempt, attempt.candidates)
+        self._attempt.log(encode(attempt), log_time=nanoseconds(time))
+        self.file.flush()
         self.attempts += 1
 
     def write_event(self, time: float, name: str, detail: Mapping[str, Any] | None = None) -> None:
         """Anything else worth knowing: `name` and plain data."""
         said = encode(dict(detail or {}))
-        self._event.log({"time": time, "name": name, "detail": said}, log_time=_nanoseconds(time))
-        self._mcap.flush()
+        self._event.log({"time": time, "name": name, "detail": said}, log_time=nanoseconds(time))
+        self.file.flush()
         self._event_time, self._last_events[name] = time, said
 
     def write_change(self, time: float, name: str, detail: Mapping[str, Any]) -> None:
@@ -150,35 +221,67 @@ class RunLogWriter:
         if time >= self._event_time and encode(dict(detail)) != self._last_events.get(name):
             self.write_event(time, name, detail)
 
-    def write_joint_state(self, time: float, names: Sequence[str], positions: Array) -> None:
-        """Measured joint positions (n,), rad or m, in the order of `names`."""
+    def write_motion(self, time: float, motion: Motion, names: Sequence[str]) -> None:
+        """A motion as it was planned, of joints with these names, unless it, or a later one, was written before."""
+        if motion.id <= self.last_motion:
+            return
+        segments = tuple(
+            dataclasses.replace(segment, trajectory=_thin_trajectory(segment.trajectory)) for segment in motion.segments
+        )
+        said = encode(dataclasses.replace(motion, segments=segments), lambda number: round(float(number), DIGITS))
+        self._plan.log({**said, "joints": list(names)}, log_time=nanoseconds(time))
+        self.file.flush()
+        self.last_motion = motion.id
+
+    def write_joint_state(self, time: float, names: Sequence[str], positions: Array, X_WG: Array | None = None) -> None:
+        """Measured joint positions (n,), rad or m, in the order of `names`, unless the log has passed that time.
+
+        X_WG: (4, 4), where they have the hand.
+        """
         from foxglove import messages
 
+        if time <= self._joint_time:
+            return
+        self._joint_time = time
         joints = [
             messages.JointState(name=name, position=float(position))
             for name, position in zip(names, positions, strict=True)
         ]
         self._joint_states.log(
-            messages.JointStates(timestamp=_timestamp(time), joints=joints), log_time=_nanoseconds(time)
+            messages.JointStates(timestamp=timestamp(time), joints=joints), log_time=nanoseconds(time)
         )
+        if X_WG is not None:
+            self._transforms.log(
+                messages.FrameTransforms(transforms=[transform(X_WG, HAND_FRAME, time)]), log_time=nanoseconds(time)
+            )
+
+    def _write_candidates(self, time: float, attempt: Attempt, candidates: GraspCandidates) -> None:
+        from foxglove import messages
+
+        said = {"step": attempt.step, "track": attempt.track, "label": attempt.label, **lean_candidates(candidates)}
+        self._grasps.log(said, log_time=nanoseconds(time))
+        stamp = timestamp(time)
+        points, colors = [], []
+        for X_WG, fate, ranked in zip(
+            candidates.X_WGs, candidates.fates, np.arange(len(candidates.fates)) < len(candidates.scores), strict=True
+        ):
+            color = FATE_COLORS["chosen" if fate == "chosen" else "" if not fate else "ranked" if ranked else "dropped"]
+            for p_WQ in (X_WG[:3, 3], X_WG[:3, 3] - HAND_LINE * X_WG[:3, 0]):
+                points.append(messages.Point3(x=float(p_WQ[0]), y=float(p_WQ[1]), z=float(p_WQ[2])))
+                colors.append(messages.Color(**dict(zip("rgba", color, strict=True))))
+        lines = messages.LinePrimitive(
+            type=messages.LinePrimitiveLineType.LineList, thickness=2.0, scale_invariant=True, points=points,
+            colors=colors,
+        )  # fmt: skip
+        entity = messages.SceneEntity(timestamp=stamp, frame_id="world", id="grasps", lines=[lines])
+        self._grasp_scene.log(messages.SceneUpdate(entities=[entity]), log_time=nanoseconds(time))
 
     def _write_frame(self, frame: Frame) -> None:
         from foxglove import messages
 
-        stamp, log_time = _timestamp(frame.time), _nanoseconds(frame.time)
-        height, width = frame.depth.shape
-        _, png = cv2.imencode(".png", cv2.cvtColor(frame.color, cv2.COLOR_RGB2BGR))
-        self._color.log(
-            messages.CompressedImage(timestamp=stamp, frame_id=CAMERA, data=png.tobytes(), format="png"),
-            log_time=log_time,
-        )
-        self._depth.log(
-            messages.RawImage(
-                timestamp=stamp, frame_id=CAMERA, width=width, height=height, encoding="32FC1", step=4 * width,
-                data=frame.depth.astype("<f4").tobytes(),
-            ),
-            log_time=log_time,
-        )  # fmt: skip
+        stamp, log_time = timestamp(frame.time), nanoseconds(frame.time)
+        self._color.log(color_image(frame.color, frame.time, CAMERA), log_time=log_time)
+        self._depth.log(raw_image(frame.depth, frame.time, CAMERA), log_time=log_time)
         c = frame.camera
         self._calibration.log(
             messages.CameraCalibration(
@@ -195,7 +298,7 @@ class RunLogWriter:
         from foxglove import messages
 
         frame, tracks = perception.frame, perception.posterior.tracks
-        stamp, log_time = _timestamp(frame.time), _nanoseconds(frame.time)
+        stamp, log_time = timestamp(frame.time), nanoseconds(frame.time)
 
         outlines, texts = [], []
         for detection in perception.detections:
@@ -222,17 +325,9 @@ class RunLogWriter:
 
         transforms = [(CAMERA, frame.X_WC)] + [(_track_frame(track), track.X_WO) for track in tracks]
         self._transforms.log(
-            messages.FrameTransforms(
-                transforms=[
-                    messages.FrameTransform(
-                        timestamp=stamp, parent_frame_id="world", child_frame_id=name,
-                        translation=_vector(X[:3, 3]), rotation=_quaternion(X),
-                    )
-                    for name, X in transforms
-                ]
-            ),
+            messages.FrameTransforms(transforms=[transform(X, name, frame.time) for name, X in transforms]),
             log_time=log_time,
-        )  # fmt: skip
+        )
         deletions = [messages.SceneEntityDeletion(timestamp=stamp, type=messages.SceneEntityDeletionType.All)]
         self._scene.log(
             messages.SceneUpdate(deletions=deletions, entities=[_entity(track, stamp) for track in tracks]),
@@ -248,34 +343,10 @@ class RunLogWriter:
         )
 
 
-def _nanoseconds(time: float) -> int:
-    return round(time * 1e9)
-
-
-def _timestamp(time: float) -> Any:
-    from foxglove import messages
-
-    seconds, nanoseconds = divmod(_nanoseconds(time), 1_000_000_000)
-    return messages.Timestamp(sec=seconds, nsec=nanoseconds)
-
-
-def _vector(p: Array) -> Any:
-    from foxglove import messages
-
-    return messages.Vector3(x=float(p[0]), y=float(p[1]), z=float(p[2]))
-
-
-def _quaternion(X: Array) -> Any:
-    from foxglove import messages
-
-    x, y, z, w = (float(value) for value in Rotation.from_matrix(X[:3, :3]).as_quat())
-    return messages.Quaternion(w=w, x=x, y=y, z=z)
-
-
 def _pose(X: Array) -> Any:
     from foxglove import messages
 
-    return messages.Pose(position=_vector(X[:3, 3]), orientation=_quaternion(X))
+    return messages.Pose(position=vector(X[:3, 3]), orientation=quaternion(X))
 
 
 def _entity(track: Track, stamp: Any) -> Any:
@@ -300,7 +371,3 @@ def _entity(track: Track, stamp: Any) -> Any:
     return messages.SceneEntity(
         timestamp=stamp, frame_id=_track_frame(track), id=str(track.id), lines=[lines], texts=[name]
     )
-
-
-def _without_pictures(frame: Frame) -> Frame:
-    return dataclasses.replace(frame, color=np.zeros((0, 0, 3), np.uint8), depth=np.zeros((0, 0), np.float32))

@@ -9,11 +9,12 @@ from typing import Any
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.jsonio import decode
-from sum_drake.runlog import CAMERA, SCHEMA
-from sum_drake.types import Array, Attempt, Perception, readonly
+from sum_drake.runlog import CAMERA, HAND_FRAME, SCHEMA, candidates_of
+from sum_drake.types import Array, Attempt, GraspCandidates, Motion, Perception, readonly
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -34,6 +35,12 @@ class RunRecord:
     """(k, n)."""
     problem: str | None
     """Why reading ended before the log did; None for a whole one."""
+    motions: tuple[tuple[float, Motion], ...] = ()
+    """(time, motion) as planned, thinned; none in logs of before they were logged."""
+    hand_times: Array = dataclasses.field(default_factory=lambda: readonly(np.empty(0)))
+    """(h,), seconds."""
+    X_WGs: Array = dataclasses.field(default_factory=lambda: readonly(np.empty((0, 4, 4))))
+    """(h, 4, 4): where the measured joints had the hand."""
 
 
 def read_run_log(path: Path | str) -> RunRecord:
@@ -61,8 +68,19 @@ def read_what_there_is(path: Path) -> RunRecord:
         problem = f"the log {path} {error}; expected a log that was closed"
     if reading.metadata.get("schema") != SCHEMA:
         found = reading.metadata.get("schema", "no such mark")
+        if _is_later(found):
+            raise InputError(
+                f"the log {path} is of a later version, {found!r}; expected {SCHEMA!r}, which this one reads"
+            )
         raise InputError(f"{path} is no log of a run: its metadata holds {found!r}, expected schema {SCHEMA!r}")
     return reading.result(problem)
+
+
+def _is_later(schema: str) -> bool:
+    """Whether a schema is ours with a higher number."""
+    kind, number = SCHEMA.rsplit("/", 1)
+    found, _, other = schema.rpartition("/")
+    return found == kind and other.isdecimal() and int(other) > int(number)
 
 
 class _Damage(Exception):
@@ -95,6 +113,9 @@ class _Reading:
         self._depth: bytes = b""
         self._perceptions: list[Perception] = []
         self._attempts: list[tuple[float, Attempt]] = []
+        self._candidates: GraspCandidates | None = None
+        self._motions: list[tuple[float, Motion]] = []
+        self._hands: list[tuple[float, Array]] = []
         self._events: list[Mapping[str, Any]] = []
         self._names: tuple[str, ...] = ()
         self._times: list[float] = []
@@ -124,8 +145,17 @@ class _Reading:
             bare: Perception = decode(Perception, json.loads(data))
             frame = dataclasses.replace(bare.frame, color=_color(self._color), depth=_depth(self._depth))
             self._perceptions.append(dataclasses.replace(bare, frame=frame))
+        elif topic == "/grasps":
+            self._candidates = candidates_of(json.loads(data))
         elif topic == "/attempt":
-            self._attempts.append((time, decode(Attempt, json.loads(data))))
+            attempt: Attempt = decode(Attempt, json.loads(data))
+            self._attempts.append((time, dataclasses.replace(attempt, candidates=self._candidates)))
+            self._candidates = None
+        elif topic == "/plan":
+            self._motions.append((time, decode(Motion, json.loads(data))))
+        elif topic == "/tf":
+            hands = [X for _, child, X in frame_transforms(data) if child == HAND_FRAME]
+            self._hands += [(time, X_WG) for X_WG in hands]
         elif topic == "/event":
             self._events.append(json.loads(data))
         elif topic == "/joint_states":
@@ -144,6 +174,9 @@ class _Reading:
             joint_times=readonly(self._times),
             joint_positions=readonly(np.reshape(self._positions, (len(self._times), len(self._names)))),
             problem=problem,
+            motions=tuple(self._motions),
+            hand_times=readonly([time for time, _ in self._hands]),
+            X_WGs=readonly(np.reshape([X_WG for _, X_WG in self._hands], (len(self._hands), 4, 4))),
         )
 
 
@@ -181,6 +214,21 @@ def _fields(data: bytes) -> dict[int, list[Any]]:
 
 def _double(data: bytes) -> float:
     return float(struct.unpack("<d", data)[0])
+
+
+def frame_transforms(message: bytes) -> tuple[tuple[str, str, Array], ...]:
+    """(parent frame, child frame, (4, 4) pose of the child in the parent) of each of a foxglove.FrameTransforms."""
+    return tuple(_frame_transform(_fields(data)) for data in _fields(message).get(1, []))
+
+
+def _frame_transform(fields: dict[int, list[Any]]) -> tuple[str, str, Array]:
+    p, q = (
+        [_double(part[axis][0]) if axis in part else 0.0 for axis in axes]  # zeros are not on the wire
+        for part, axes in ((_fields(fields[4][0]), (1, 2, 3)), (_fields(fields[5][0]), (1, 2, 3, 4)))
+    )
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = Rotation.from_quat(q).as_matrix(), p
+    return fields[2][0].decode(), fields[3][0].decode(), readonly(X)
 
 
 def _color(message: bytes) -> Any:

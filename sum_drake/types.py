@@ -38,6 +38,10 @@ def shaped(what: str, value: ArrayLike, *shape: int) -> Array:
     return array
 
 
+APART = {"apart": True}
+"""Metadata of a field that records, and digests of them, leave out: it is logged in a record of its own."""
+
+
 class Immutable:
     """Makes `copy` and `deepcopy` return the value itself, which is what immutability means."""
 
@@ -332,6 +336,18 @@ class MotionStatus(Immutable):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
+class GraspCandidates(Immutable):
+    """Hand poses that were considered for an attempt, and what became of each; of those that were dropped a sample."""
+
+    X_WGs: Array
+    """(n, 4, 4): first those that were ranked, best first, then those that were dropped before."""
+    fates: tuple[str, ...]
+    """(n,): "chosen", the cause for which it was given up, or "" where it was not looked at."""
+    scores: Array
+    """(k,): of the k that were ranked."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
 class Attempt(Immutable):
     """What the robot knows of one try at one object."""
 
@@ -352,6 +368,8 @@ class Attempt(Immutable):
     """(4, 4): the grasp that was tried."""
     why: str = ""
     """Why this was to be done next, in words."""
+    candidates: GraspCandidates | None = dataclasses.field(default=None, metadata=APART)
+    """None where no grasps were looked at."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

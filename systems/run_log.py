@@ -1,21 +1,22 @@
 """Everything that a run was, into its log."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem
 
 from sum_drake.explaining import given_up
-from sum_drake.robot import STATE_JOINTS
+from sum_drake.robot import ARM_JOINTS, STATE_JOINTS
 from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.types import Attempt, MotionStatus, Perception
+from sum_drake.types import Array, Attempt, Motion, MotionStatus, Perception
 
 FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
+PLANNED = tuple(joint.name for joint in ARM_JOINTS)
 
 
 class RunLog(LeafSystem):
-    """Writes each perception record, attempt and event once, and the measured joints at a steady rate.
+    """Writes each perception record, attempt, motion and event once, and the measured joints at a steady rate.
 
     .. pydrake_system::
 
@@ -27,12 +28,13 @@ class RunLog(LeafSystem):
         - observe
         - motion_status
         - outcome
+        - motion
 
     `perception` holds the latest `types.Perception`, or None before the first; `attempts` a tuple of all attempts so
     far; `joint_state` positions, then velocities, of `joint_names`. `observe`, `motion_status` and `outcome`, as the
     planner and the controller give them, make events: an observation is asked for, a segment of a motion begins, a
     motion is done or broken off, the run ends. So does an attempt that was given up before the arm set out, with the
-    reason in words.
+    reason in words. `motion` holds the motion planned last, or None.
 
     Only publish events: nothing in the context changes, and what has been written is known by the writer, so a record
     that stays on its port, a forced publish or a context that is replayed write nothing twice.
@@ -44,19 +46,21 @@ class RunLog(LeafSystem):
         writer: RunLogWriter,
         joint_names: Sequence[str] = FETCH_STATE,
         joint_period: float = 0.1,
+        hand: Callable[[Array], Array] | None = None,
     ) -> None:
         """joint_names: of `joint_state`, by default those of the station's `fetch.state`.
 
-        joint_period: how often joints are sampled, seconds.
+        joint_period: how often joints are sampled, seconds. hand: X_WG (4, 4) of such positions, to be logged, too.
         """
         super().__init__()
-        self._writer, self._joint_names = writer, tuple(joint_names)
+        self._writer, self._joint_names, self._hand = writer, tuple(joint_names), hand
         self._perception = self.DeclareAbstractInputPort("perception", abstract())
         self._attempts = self.DeclareAbstractInputPort("attempts", abstract(()))
         self._joint_state = self.DeclareVectorInputPort("joint_state", BasicVector(2 * len(self._joint_names)))
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
         self._outcome = self.DeclareAbstractInputPort("outcome", abstract(""))
+        self._motion = self.DeclareAbstractInputPort("motion", abstract())
         # Every step, before the simulator's monitor may end the run: what came last is in the log, too.
         self.DeclarePerStepPublishEvent(self._write_records)
         self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
@@ -72,6 +76,9 @@ class RunLog(LeafSystem):
             if attempt.action is None:
                 what = {"label": attempt.label, "region": attempt.region, "reason": attempt.reason}
                 self._writer.write_event(context.get_time(), "given_up", what | {"said": given_up(attempt)})
+        motion: Motion | None = unpack(self._motion.Eval(context))
+        if motion is not None:
+            self._writer.write_motion(context.get_time(), motion, PLANNED)
         for name, detail in self._events(context):
             self._writer.write_change(context.get_time(), name, detail)
         return EventStatus.Succeeded()
@@ -95,5 +102,6 @@ class RunLog(LeafSystem):
 
     def _write_joint_state(self, context: Context) -> EventStatus:
         positions = self._joint_state.Eval(context)[: len(self._joint_names)]
-        self._writer.write_joint_state(context.get_time(), self._joint_names, positions)
+        X_WG = None if self._hand is None else self._hand(positions)
+        self._writer.write_joint_state(context.get_time(), self._joint_names, positions, X_WG)
         return EventStatus.Succeeded()

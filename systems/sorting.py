@@ -24,6 +24,7 @@ from sum_drake.objects import Catalogue
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.presence import PresenceCheck
 from sum_drake.recovering import Recovering
+from sum_drake.robot import arm_positions
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
 from sum_drake.sensor import make_camera
@@ -325,13 +326,17 @@ def make_sorting(
     connect(controller, "motion_status", referee)
     if open_log is not None:
         writer = open_log()
-        log = builder.AddNamedSystem("run_log", RunLog(writer=writer))
+        arm = Arm()
+        log = builder.AddNamedSystem(
+            "run_log", RunLog(writer=writer, hand=lambda state: arm.forward(arm_positions(state)))
+        )
         connect(estimator, "perception", log)
         connect(planner, "attempts", log)
         connect(station, "fetch.state", log, "joint_state")
         connect(planner, "observe", log)
         connect(controller, "motion_status", log)
         connect(planner, "outcome", log)
+        connect(planner, "motion", log)
     diagram = builder.Build()
     diagram.set_name("sorting")
     return diagram

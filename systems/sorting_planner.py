@@ -333,7 +333,7 @@ class SortingPlanner(LeafSystem):
             reason = "lost_in_transport" if held.at_lift.holds(plan.grasp.width) else "empty_hand"
         attempt = Attempt(
             step, track.id, track.label, held.pick.region, held.pick.kind, reason,
-            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG, held.pick.why,
+            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG, held.pick.why, plan.candidates,
         )  # fmt: skip
         return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapes import CONFIG, columns, write_model
 
 from sum_drake.geometry import apply, rotation_from_vector, transform
-from sum_drake.grasp_ranking import CAUSES, RankedGrasps, hand_clearances, lowest_point, rank_grasps
+from sum_drake.grasp_ranking import CAUSES, DROPPED, RankedGrasps, hand_clearances, lowest_point, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates, half_turn
 from sum_drake.objects import ObjectModel
 from sum_drake.robot import HAND
@@ -148,6 +148,16 @@ def test_what_is_in_the_way_is_named_where_it_is_known(models: dict[str, ObjectM
         == dict(unnamed.rejected_by)["neighbour_finger"]
     )
     assert sum(counts.values()) == sum(dict(unnamed.rejected_by).values())
+    # A sample of what was dropped is told one by one, with no cause that was not counted and none left out.
+    assert DROPPED <= len(named.causes) == len(named.X_WDs) <= DROPPED + len(CAUSES)
+    assert set(named.causes) <= {cause for cause, count in named.rejected_by if count}
+    parts = {cause for cause in CAUSES if any(told.startswith(cause) and counts[told] for told in counts)}
+    assert parts == {cause for cause in CAUSES if any(told.startswith(cause) for told in named.causes)}
+    shares = {cause: named.causes.count(cause) / len(named.causes) for cause in set(named.causes)}
+    total = sum(counts.values())
+    assert all(abs(share - counts[cause] / total) < 0.05 for cause, share in shares.items())
+    for X_WD, cause in zip(named.X_WDs, named.causes, strict=True):
+        assert (cause == "approach_from_below") == (X_WD[2, 0] > -np.cos(CONFIG.max_tilt))
     assert np.array_equal(named.X_WGs, unnamed.X_WGs), "a name changes nothing"
 
 

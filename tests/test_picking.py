@@ -264,6 +264,7 @@ def test_what_is_in_the_way_of_the_hand_is_named(scene):
     assert isinstance(made, Infeasible)
     assert made.reason == "grasp_collision"
     assert dict(made.rejected_by)["grasp_collision_tea"] == 4
+    assert made.candidates is not None and made.candidates.fates == ("grasp_collision_tea",) * 4
     assert sum(count for _, count in made.rejected_by) == made.grasp_candidates
 
 
@@ -281,6 +282,32 @@ def test_an_arm_that_touches_something_does_not_start(scene):
     assert isinstance(made, Infeasible)
     assert made.reason == "start_in_collision"
     assert dict(made.rejected_by)["start_in_collision_unexplained"] == 4, "what it touches"
+    assert made.candidates is not None and set(made.candidates.fates) == {"start_in_collision_unexplained"}
+
+
+def test_what_became_of_each_grasp_is_told(scene):
+    """Those that were given up before the one that was chosen, it, those not looked at, those dropped before."""
+    X_WO = standing("soup_can", 0.6, 0.05)
+    ranked = from_above("soup_can", X_WO)
+    X_WGs = ranked.X_WGs.copy()
+    X_WGs[0, :3, 3] += [1.0, 0.0, 0.0]
+    dropped = dataclasses.replace(
+        ranked,
+        X_WGs=X_WGs,
+        X_WDs=X_WGs[:2],
+        causes=("table", "outranked"),
+        rejected_by=(("table", 1), ("outranked", 1)),
+    )
+    made = plan(scene, ranked=dropped)
+    assert isinstance(made, PickPlan) and made.candidates is not None
+    told = made.candidates
+    assert told.fates[0] == "out_of_reach" and told.fates[-2:] == ("table", "outranked")
+    np.testing.assert_array_equal(told.X_WGs, np.concatenate([X_WGs, X_WGs[:2]]))
+    assert len(told.scores) == len(ranked.grasps) == len(told.fates) - 2
+    (chosen,) = (i for i, fate in enumerate(told.fates) if fate == "chosen")
+    np.testing.assert_array_equal(made.grasp.X_OG, ranked.grasps[chosen].X_OG)
+    counts = dict(made.rejected_by)
+    assert all(counts[fate] >= told.fates.count(fate) for fate in set(told.fates) - {"chosen", ""})
 
 
 SPOT = standing("soup_can", 0.62, -0.2, 1.0)

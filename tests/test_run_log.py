@@ -8,13 +8,14 @@ from pydrake.common.value import Value
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import ConstantVectorSource
-from test_runlog import make_attempt, make_perception
+from test_runlog import make_attempt, make_motion, make_perception
 
+from sum_drake.geometry import transform
 from sum_drake.runlog import RunLogWriter
 from sum_drake.runlog_reader import read_run_log
 from sum_drake.systems.ports import abstract, pack
 from sum_drake.systems.run_log import RunLog
-from sum_drake.types import MotionStatus
+from sum_drake.types import Array, MotionStatus
 
 JOINTS = ("torso", "pan")
 
@@ -30,6 +31,7 @@ class Source(LeafSystem):
         self.DeclareVectorOutputPort("observe", BasicVector(1), self._calc_observe)
         self.DeclareAbstractOutputPort("motion_status", abstract, self._calc_status)
         self.DeclareAbstractOutputPort("outcome", lambda: abstract(""), self._calc_outcome)
+        self.DeclareAbstractOutputPort("motion", abstract, self._calc_motion)
         self.DeclarePeriodicUnrestrictedUpdateEvent(1.0, 0.5, self._update)
 
     def _held(self, context: Context) -> int:
@@ -57,16 +59,24 @@ class Source(LeafSystem):
         segment = "" if into > 0.6 or motion < 0 else "lift" if into > 0.3 else "reach"
         output.set_value(MotionStatus(max(int(motion), -1), segment, not segment))
 
+    def _calc_motion(self, context: Context, output: Value[object]) -> None:
+        output.set_value(pack(make_motion(self._held(context) - 1) if self._held(context) else None))
+
     def _calc_outcome(self, context: Context, output: Value[object]) -> None:
         output.set_value("cleared" if self._held(context) == 3 else "")
+
+
+def hand(positions: Array) -> Array:
+    """Where a hand would be."""
+    return transform(np.eye(3), np.array([*positions, 0.5]))
 
 
 def make_diagram(writer: RunLogWriter) -> Diagram:
     builder = DiagramBuilder()
     source = builder.AddNamedSystem("source", Source())
-    run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS))
+    run_log = builder.AddNamedSystem("run_log", RunLog(writer=writer, joint_names=JOINTS, hand=hand))
     joints = builder.AddNamedSystem("joints", ConstantVectorSource([0.3, 1.0, 0.0, 0.0]))
-    for port in ("perception", "attempts", "observe", "motion_status", "outcome"):
+    for port in ("perception", "attempts", "observe", "motion_status", "outcome", "motion"):
         builder.Connect(source.GetOutputPort(port), run_log.GetInputPort(port))
     builder.Connect(joints.get_output_port(), run_log.GetInputPort("joint_state"))
     return builder.Build()
@@ -76,7 +86,7 @@ def test_ports(tmp_path: Path) -> None:
     with RunLogWriter(tmp_path / "run.mcap") as writer:
         system = RunLog(writer=writer, joint_names=JOINTS)
     names = [system.get_input_port(i).get_name() for i in range(system.num_input_ports())]
-    assert names == ["perception", "attempts", "joint_state", "observe", "motion_status", "outcome"]
+    assert names == ["perception", "attempts", "joint_state", "observe", "motion_status", "outcome", "motion"]
     assert system.num_output_ports() == 0
     assert system.GetInputPort("joint_state").size() == 4
 
@@ -91,6 +101,7 @@ def test_before_the_first_observation_nothing_is_written(tmp_path: Path) -> None
         system.GetInputPort("observe").FixValue(context, [0.0])
         system.GetInputPort("motion_status").FixValue(context, abstract(MotionStatus(-1, "", True)))
         system.GetInputPort("outcome").FixValue(context, abstract(""))
+        system.GetInputPort("motion").FixValue(context, abstract())
         system.ForcedPublish(context)
     record = read_run_log(tmp_path / "run.mcap")
     assert record.perceptions == () and record.attempts == () and record.events == ()
@@ -105,6 +116,7 @@ def test_a_motion_that_is_broken_off_is_told_once_with_its_cause(tmp_path: Path)
         system.GetInputPort("joint_state").FixValue(context, np.zeros(4))
         system.GetInputPort("observe").FixValue(context, [0.0])
         system.GetInputPort("outcome").FixValue(context, abstract(""))
+        system.GetInputPort("motion").FixValue(context, abstract())
         for status in (
             MotionStatus(0, "reach", False),
             MotionStatus(0, "reach", False, "unexpected_effort"),
@@ -137,6 +149,9 @@ def test_each_record_once(tmp_path: Path, steps: list[float]) -> None:
     np.testing.assert_allclose([time for time, _ in record.attempts][::2], [0.5, 1.5, 2.5], atol=0.11)
     np.testing.assert_allclose(record.joint_times, np.arange(31) * 0.1, atol=1e-9)
     np.testing.assert_array_equal(record.joint_positions, [[0.3, 1.0]] * 31)
+    np.testing.assert_allclose(record.hand_times, record.joint_times, atol=1e-9)
+    np.testing.assert_allclose(record.X_WGs, [hand(np.array([0.3, 1.0]))] * 31, atol=1e-12)
+    assert [motion.id for _, motion in record.motions] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("steps", [[3.0], [0.25, 0.7, 0.7, 1.5, 2.7, 3.0]])
@@ -151,7 +166,9 @@ def test_each_event_once_and_in_order(tmp_path: Path, steps: list[float]) -> Non
         simulator.AdvancePendingEvents()
         again = Simulator(diagram)
         again.AdvanceTo(2.0)
-    events = read_run_log(tmp_path / "run.mcap").events
+    record = read_run_log(tmp_path / "run.mcap")
+    events = record.events
+    assert len(record.motions) == 3 and len(record.joint_times) == len(record.hand_times) == 31, "nothing twice"
     given_up = [event for event in events if event["name"] == "given_up"]
     assert [event["detail"]["said"] for event in given_up] == [
         "no grasp; 40 grasps considered: 30 within reach, but no way to hold the arm, 10 too near the table"

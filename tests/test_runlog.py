@@ -1,11 +1,14 @@
 """Writing the run log: other programs read it, a kill leaves it readable, and the same run gives the same bytes."""
 
 import dataclasses
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import textwrap
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +16,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sum_drake import runlog, timing
 from sum_drake.assets import InputError
 from sum_drake.geometry import rotation_from_vector, transform
 from sum_drake.jsonio import canonical, decode, encode
 from sum_drake.runlog import RunLogWriter, thin
-from sum_drake.runlog_reader import read_run_log, read_what_there_is
+from sum_drake.runlog_reader import frame_transforms, read_run_log, read_what_there_is
 from sum_drake.types import (
+    Array,
     Association,
     Attempt,
     Camera,
     Detection,
     Frame,
+    GraspCandidates,
+    Load,
+    Motion,
     Perception,
     PickPlace,
     PoseBelief,
     SceneBelief,
+    Segment,
     Track,
+    Trajectory,
     readonly,
 )
 
@@ -68,12 +78,37 @@ def make_attempt(step: int) -> Attempt:
     return Attempt(step, 0, "sugar", "left", "pick_place", "no_grasp", 40, (("ik", 30), ("table", 10)), None)
 
 
+def make_candidates(step: int) -> GraspCandidates:
+    """Three that were ranked, two that were not."""
+    rng = np.random.default_rng(step)
+    X_WGs = transform(rotation_from_vector(rng.normal(size=(5, 3))), rng.normal(size=(5, 3)))
+    return GraspCandidates(readonly(X_WGs), ("ik", "chosen", "", "table", "table"), readonly([0.9, 0.8, 0.1]))
+
+
+def make_motion(number: int) -> Motion:
+    """Of two segments, the first in very many points."""
+    times = np.linspace(0.0, 6.0, 3001)
+    positions = np.sin(times)[:, None] * np.arange(8.0)
+    long = Trajectory(readonly(times), readonly(positions), readonly(np.cos(times)[:, None] * np.arange(8.0)))
+    rest = Trajectory(readonly([0.0, 0.5]), readonly(np.tile(positions[-1], (2, 1))), readonly(np.zeros((2, 8))))
+    return Motion(number, (Segment("approach", long, 0.1), Segment("close", rest, 0.0)), Load(0.04, 0.5))
+
+
+ARM = [f"joint_{i}" for i in range(8)]
+
+
+def hand(i: int) -> Array:
+    """Where the hand is."""
+    return transform(rotation_from_vector(np.array([0.1, 0.2, 0.3 * i])), np.array([0.5, 0.0, 0.1 * i]))
+
+
 def write(path: Path, count: int = 2) -> None:
     with RunLogWriter(path, metadata={"seed": "3"}) as writer:
         for i in range(count):
             writer.write_perception(make_perception(i))
-            writer.write_attempt(7.3 * i + 1.0, make_attempt(i))
-            writer.write_joint_state(7.3 * i + 1.5, ["torso", "pan"], np.array([0.3 * i, 1.25]))
+            writer.write_motion(7.3 * i + 0.5, make_motion(i), ARM)
+            writer.write_attempt(7.3 * i + 1.0, dataclasses.replace(make_attempt(i), candidates=make_candidates(i)))
+            writer.write_joint_state(7.3 * i + 1.5, ["torso", "pan"], np.array([0.3 * i, 1.25]), hand(i))
             writer.write_event(7.3 * i + 2.0, "observe", {"counter": i})
 
 
@@ -98,7 +133,54 @@ def test_foxglove_finds_its_schemas(tmp_path: Path) -> None:
     assert schemas["/tf"] == "foxglove.FrameTransforms"
     assert schemas["/scene"] == "foxglove.SceneUpdate"
     assert schemas["/joint_states"] == "foxglove.JointStates"
+    assert schemas["/particles"] == "foxglove.PosesInFrame"
+    assert schemas["/grasps/scene"] == "foxglove.SceneUpdate"
+    titles = {"/perception": "Perception", "/attempt": "Attempt", "/event": "Event", "/associations": "Associations",
+              "/belief": "Belief", "/plan": "Motion", "/grasps": "GraspCandidates"}  # fmt: skip
+    assert {topic: schemas[topic] for topic in titles} == {k: f"sum_drake.{title}" for k, title in titles.items()}
+    assert runlog.__doc__ is not None
+    told = dict(re.findall(r"^ +(/\S+) +(\S+)", runlog.__doc__, re.MULTILINE))
+    assert told == schemas, "the log holds what it says, no more, no less"
+    counts = Counter(channel.topic for _, channel, _ in messages)
+    assert {topic: n for topic, n in counts.items() if n != 1} == {"/tf": 2}
     assert all(message.log_time < 10e9 for _, _, message in messages)
+    data = {channel.topic: message.data for _, channel, message in messages if channel.topic != "/tf"}
+    assert json.loads(data["/belief"]) == {"sugar_0": 0.7, "tide_1": 0.7}
+    assert json.loads(data["/associations"]) == {
+        "observation": 0,
+        "pairs": [{"detection": 0, "label": "sugar", "track": 0, "score": 0.5},
+                  {"detection": 0, "label": "tide", "track": None, "score": 0.1}],
+    }  # fmt: skip
+    poses = [
+        pose for _, channel, message in messages if channel.topic == "/tf" for pose in frame_transforms(message.data)
+    ]
+    assert [(parent, child) for parent, child, _ in poses] == [
+        ("world", "head_camera"), ("world", "track_0_sugar"), ("world", "track_1_tide"), ("world", "hand")
+    ]  # fmt: skip
+    np.testing.assert_allclose(poses[1][2], make_perception(0).posterior.tracks[0].X_WO, atol=1e-12)
+    np.testing.assert_allclose(poses[3][2], hand(0), atol=1e-12)
+
+
+def test_plans_are_thinned_but_still_the_same_motion(tmp_path: Path) -> None:
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        for number in (0, 0, 1, 0):
+            writer.write_motion(float(number), make_motion(number), ARM)
+    motions = read_run_log(tmp_path / "run.mcap").motions
+    assert [(time, motion.id) for time, motion in motions] == [(0.0, 0), (1.0, 1)], "each once"
+    approach, close = motions[0][1].segments
+    assert (approach.name, close.name, close.gap, motions[0][1].load) == ("approach", "close", 0.0, Load(0.04, 0.5))
+    assert len(approach.trajectory.times) <= 200 and len(close.trajectory.times) == 2
+    planned = make_motion(0).segments[0].trajectory
+    assert approach.trajectory.times[-1] == planned.times[-1]
+    for t in np.linspace(0.0, 6.0, 100):
+        now, then = timing.evaluate(approach.trajectory, float(t)), timing.evaluate(planned, float(t))
+        np.testing.assert_allclose(now[0], then[0], atol=1e-4)
+
+
+def test_the_grasps_that_were_considered_change_no_record_and_no_digest() -> None:
+    """They stand in a record of their own: the digest of a run is the same with and without them."""
+    bare, told = make_attempt(0), dataclasses.replace(make_attempt(0), candidates=make_candidates(0))
+    assert canonical(bare) == canonical(told) and encode(bare) == encode(told)
 
 
 def test_a_killed_process_leaves_what_it_wrote_to_any_reader(tmp_path: Path) -> None:

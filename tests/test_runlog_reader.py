@@ -1,12 +1,17 @@
 """Reading the run log: everything a report or a replay needs comes back as it went in, or as far as it goes."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from test_runlog import make_perception, write
+from test_runlog import hand, make_attempt, make_candidates, make_perception, write
 
 from sum_drake.assets import InputError
+from sum_drake.encoders import Encoder
+from sum_drake.jsonio import encode
+from sum_drake.mcap_log import McapLog
+from sum_drake.runlog import SCHEMA
 from sum_drake.runlog_reader import read_run_log, read_what_there_is
 
 
@@ -34,6 +39,14 @@ def test_everything_comes_back(tmp_path: Path) -> None:
     assert record.perceptions[1].action is not None and record.perceptions[1].action.region == "left"
     assert [time for time, _ in record.attempts] == [1.0, 8.3]
     assert record.attempts[0][1].rejected_by == (("ik", 30), ("table", 10))
+    for i, (_, attempt) in enumerate(record.attempts):
+        assert attempt.candidates is not None
+        assert attempt.candidates.fates == ("ik", "chosen", "", "table", "table")
+        np.testing.assert_allclose(attempt.candidates.X_WGs, make_candidates(i).X_WGs, atol=2e-6)
+        np.testing.assert_array_equal(attempt.candidates.scores, [0.9, 0.8, 0.1])
+    assert [(round(time, 6), motion.id) for time, motion in record.motions] == [(0.5, 0), (7.8, 1)]
+    np.testing.assert_allclose(record.X_WGs, [hand(0), hand(1)], atol=1e-12)
+    np.testing.assert_allclose(record.hand_times, record.joint_times)
     assert record.joint_names == ("torso", "pan")
     np.testing.assert_array_equal(record.joint_positions, [[0.0, 1.25], [0.3, 1.25]])
     np.testing.assert_allclose(record.joint_times, [1.5, 8.8])
@@ -71,3 +84,41 @@ def test_foreign_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.mcap").write_bytes(b"")
     with pytest.raises(InputError, match="is no log of a run"):
         read_run_log(tmp_path / "empty.mcap")
+
+
+@pytest.mark.parametrize(
+    ("schema", "words"),
+    [("sum-drake/log/2", "is of a later version: 'sum-drake/log/2'; expected 'sum-drake/log/1'"),
+     ("sum-drake/log/x", "is no log of a run: its metadata holds 'sum-drake/log/x'"),
+     ("sum-drake/run/2", "is no log of a run: its metadata holds 'sum-drake/run/2'"),
+     (None, "is no log of a run: its metadata holds 'no such mark'")],
+)  # fmt: skip
+def test_a_log_of_another_kind_is_one_line(tmp_path: Path, schema: str | None, words: str) -> None:
+    with McapLog(tmp_path / "log.mcap", metadata=None if schema is None else {"schema": schema}) as log:
+        log.write_change("/event", 0.0, {"x": 1}, Encoder(lambda value, time, name: value), "event")
+    with pytest.raises(InputError) as raised:
+        read_what_there_is(tmp_path / "log.mcap")
+    assert words in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_a_log_of_before_there_were_grasps_and_plans(tmp_path: Path) -> None:
+    """Records of then had none of the later topics, and are read as they were."""
+    with McapLog(tmp_path / "old.mcap", metadata={"schema": SCHEMA}) as log:
+        channel = log.json_channel("/attempt", {"title": "sum_drake.Attempt"})
+        old = {key: value for key, value in encode(make_attempt(0)).items() if key not in ("X_OG", "why")}
+        channel.log(old, log_time=2_000_000_000)
+    record = read_run_log(tmp_path / "old.mcap")
+    ((time, attempt),) = record.attempts
+    assert (time, attempt.label, attempt.candidates, attempt.why) == (2.0, "sugar", None, "")
+    assert record.motions == () and record.X_WGs.shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize(
+    "said", [{}, {"causes": ["ik"], "fates": [3], "hands": [[0.0] * 7], "scores": []}, {"causes": [], "hands": [[1.0]]}]
+)
+def test_grasps_that_cannot_be_decoded_are_one_line(tmp_path: Path, said: dict[str, Any]) -> None:
+    with McapLog(tmp_path / "bad.mcap", metadata={"schema": SCHEMA}) as log:
+        log.json_channel("/grasps", {"title": "sum_drake.GraspCandidates"}).log(said, log_time=0)
+    problem = read_what_there_is(tmp_path / "bad.mcap").problem
+    assert problem is not None and "holds a message on /grasps that cannot be decoded" in problem
+    assert "\n" not in problem
