@@ -157,9 +157,7 @@ def _drawn(series: Series, line: _Line, x: Array, y: Array, color: str) -> str:
     if series.dots:
         for i in map(int, np.flatnonzero(known)):
             said = html.escape(f"{series.name} {_number(line.x[i])}: {line.y[i]:.3f}".strip())
-            parts.append(
-                f"<circle cx='{x[i]:.1f}' cy='{y[i]:.1f}' r='3' fill='{color}'><title>{said}</title></circle>"
-            )
+            parts.append(f"<circle cx='{x[i]:.1f}' cy='{y[i]:.1f}' r='3' fill='{color}'><title>{said}</title></circle>")
     return "".join(parts)
 
 
