@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.geometry import apply, inverse
-from sum_drake.types import Array, Camera, Frame, Perception, Track
+from sum_drake.robot import HAND
+from sum_drake.types import Array, Camera, Frame, Perception, PickPlace, Track
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue, ObjectModel
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 GREY: Color = (150, 150, 150)
+PALM_COLOR: Color = (255, 255, 255)
+FINGER_COLOR: Color = (255, 214, 0)
 SUBPIXEL = 4
 """Fractional bits of the coordinates handed to OpenCV."""
 
@@ -74,6 +77,57 @@ def draw_poses(
     return canvas.image
 
 
+def draw_grasp(
+    look: Perception, action: PickPlace, catalogue: "Catalogue", *, size: tuple[int, int] = (480, 360)
+) -> Image:
+    """What a look saw of what was grasped after it, with the hand where it was to close, (h, w, 3) RGB for (w, h).
+
+    The object is outlined as it was believed; the hand is drawn as boxes, opened as wide as it was after the lift, or
+    wholly where it then held nothing.
+    """
+    frame, scale = look.frame, 2
+    image = np.asarray(cv2.resize(frame.color, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
+    canvas = _Canvas(image, frame.camera, scale)
+    X_CW = inverse(frame.X_WC)
+    gap = HAND.gap_max if action.held_lift is False or action.gap_lift < 1e-3 else action.gap_lift
+    boxes_C = [apply(X_CW @ action.X_WG_pick, corners) for corners in hand_boxes(gap)]
+    shown = [*boxes_C]
+    target = next((track for track in look.posterior.tracks if track.id == action.track), None)
+    if target is not None and target.label in catalogue:
+        mesh = catalogue[target.label].load_mesh()
+        p_C = apply(X_CW @ target.X_WO, np.asarray(mesh.vertices))
+        canvas.outline(p_C, np.asarray(mesh.faces), label_color(target.label, catalogue), strong=True)
+        shown.append(p_C)
+    for corners, color in zip(boxes_C, (PALM_COLOR, FINGER_COLOR, FINGER_COLOR), strict=True):
+        canvas.wire(corners, color)
+    return canvas.around(np.concatenate(shown), size)
+
+
+def hand_boxes(gap: float) -> Array:
+    """Corners (3, 8, 3) in G of the palm and of two fingers `gap` apart; low before high, z changes first."""
+    z, inner, outer = HAND.pad_half_width, gap / 2, gap / 2 + HAND.pad_thickness
+    y_palm, z_palm = HAND.palm_half
+    extents = [
+        (HAND.palm_x, (-y_palm, y_palm), (-z_palm, z_palm)),
+        (HAND.pad_x, (inner, outer), (-z, z)),
+        (HAND.pad_x, (-outer, -inner), (-z, z)),
+    ]
+    return np.array([np.stack(np.meshgrid(*sides, indexing="ij"), -1).reshape(8, 3) for sides in extents])
+
+
+def footprint(vertices: Array, faces: NDArray[np.int64], *, pixel: float = 0.002) -> list[Array]:
+    """The silhouette of a mesh (v, 3), (f, 3) seen along -z: outlines (n, 2) in x and y, metres, holes among them."""
+    p = vertices[:, :2]
+    corner = p.min(0) - 2 * pixel
+    columns, rows = np.ceil((p.max(0) - corner) / pixel).astype(int) + 3
+    mask = np.zeros((rows, columns), np.uint8)
+    for triangle in np.round((p - corner) / pixel * 2**SUBPIXEL).astype(np.int32)[faces]:
+        cv2.fillConvexPoly(mask, triangle, 255, cv2.LINE_8, SUBPIXEL)
+    contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    smooth = [cv2.approxPolyDP(contour, 0.8, True)[:, 0] for contour in contours]
+    return [corner + pixel * np.asarray(outline, float) for outline in smooth if len(outline) > 2]
+
+
 def draw_depth(depth: NDArray[np.float32]) -> Image:
     """Depth (h, w) as colours, near is bright, black where nothing was returned; (h, w, 3) RGB."""
     valid = depth > 0
@@ -129,6 +183,36 @@ class _Canvas:
         else:
             dashes = [contour[i : i + 8] for contour in contours for i in range(0, len(contour), 14)]
             cv2.polylines(self.image, dashes, False, color, 2, cv2.LINE_AA)
+
+    def wire(self, corners_C: Array, color: Color) -> None:
+        """The edges of a box by its corners (8, 3), as `hand_boxes` orders them."""
+        if not (corners_C[:, 2] > 0.05).all():
+            return
+        uv = np.round(np.clip(self._pixels(corners_C), -1e4, 1e4)).astype(int)
+        edges = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+        for ink, width in (((20, 20, 20), 4), (color, 2)):
+            for i, j in edges:
+                cv2.line(self.image, tuple(map(int, uv[i])), tuple(map(int, uv[j])), ink, width, cv2.LINE_AA)
+
+    def around(self, p_C: Array, size: tuple[int, int]) -> Image:
+        """The part of the picture about points (n, 3) with as much again around them, (h, w, 3) for a size (w, h).
+
+        Where they are not in the picture, as much of its middle as the size's shape allows.
+        """
+        rows, columns = self.image.shape[:2]
+        low, high = np.zeros(2), np.array([columns, rows], float)
+        ahead = p_C[p_C[:, 2] > 0.05]
+        if len(ahead):
+            uv = np.clip(self._pixels(ahead), low, high)
+            if (np.ptp(uv, axis=0) > 0).all():
+                low, high = uv.min(0), uv.max(0)
+        middle, (w, h) = (low + high) / 2, size
+        wide = max(1.5 * (high - low)[0], 1.5 * (high - low)[1] * w / h, columns / 3)
+        wide = min(wide, columns, rows * w / h)
+        half = np.array([wide, wide * h / w]) / 2
+        left, top = np.round(np.clip(middle - half, 0, [columns, rows] - 2 * half)).astype(int)
+        part = self.image[top : top + max(round(2 * half[1]), 1), left : left + max(round(2 * half[0]), 1)]
+        return np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA), np.uint8)
 
     def axes(self, X_CO: Array, length: float = 0.05) -> None:
         """x red, y green, z blue."""

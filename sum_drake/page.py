@@ -45,14 +45,34 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
         + "</tr>"
         for row in rows
     )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def picture(image: NDArray[np.uint8], words: str) -> str:
     """An image (h, w, 3), RGB, within the page; words: what it shows, for who cannot see it."""
+    return f'<img src="{_jpeg(image)}" alt="{text(words)}">'
+
+
+def video(webm: bytes, poster: NDArray[np.uint8], words: str) -> str:
+    """A film within the page, and the picture (h, w, 3), RGB, that stands for it until it plays, and on paper."""
+    data = base64.b64encode(webm).decode()
+    h, w = poster.shape[:2]
+    source = f'<source src="data:video/webm;base64,{data}" type="video/webm">'
+    size = f'width="{w}" height="{h}" poster="{_jpeg(poster)}"'
+    return f'<video controls muted loop playsinline {size} aria-label="{text(words)}">{source}</video>'
+
+
+def figure(svg: str) -> str:
+    """A drawing in SVG within the page, in a box of its own that scrolls where the page is narrower."""
+    # Within HTML an SVG needs no address of what it is, and a page without addresses visibly needs no network.
+    bare = svg.replace(" xmlns='http://www.w3.org/2000/svg'", "")
+    return f'<div class="scroll figure">{bare}</div>'
+
+
+def _jpeg(image: NDArray[np.uint8]) -> str:
+    """An image (h, w, 3), RGB, as an address that holds it."""
     _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 82])
-    data = base64.b64encode(jpeg.tobytes()).decode()
-    return f'<img src="data:image/jpeg;base64,{data}" alt="{text(words)}">'
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg.tobytes()).decode()}"
 
 
 def chip(words: str, kind: str) -> str:
@@ -93,6 +113,21 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(420px, 1fr)); gap: 12px; }
 .gallery figure { margin: 0; } .gallery img { width: 100%; border-radius: 4px; display: block; }
 .gallery figcaption { font-size: 13px; color: var(--faint); }
+.scroll { overflow-x: auto; }
+.figure { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 6px; }
+.figure svg { display: block; }
+.scene { display: flex; flex-wrap: wrap; gap: 0 20px; align-items: flex-start; }
+.scene > div { flex: 1 1 440px; min-width: 0; } .scene svg { width: 100%; height: auto; min-width: 330px; }
+video { width: 100%; height: auto; border-radius: 8px; display: block; background: #23282d; }
+.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr)); gap: 14px; }
+.attempt { display: flex; flex-wrap: wrap; gap: 8px 14px; margin: 0; align-items: flex-start; }
+.attempt img { flex: 1 1 200px; min-width: 0; width: 100%; max-width: 480px; border-radius: 4px; }
+.attempt > div { flex: 1.3 1 230px; min-width: 0; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: 3px 10px; margin: 8px 0 0; font-size: 13.5px; }
+dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 340px), 1fr)); gap: 0 14px; }
+.pair > div { min-width: 0; } .pair img { width: 100%; border-radius: 4px; display: block; }
+.pair .head { margin: 8px 0; }
 .plots { display: flex; flex-wrap: wrap; gap: 12px; align-items: flex-start; }
 .plots svg { max-width: 100%; height: auto; }
 @media (max-width: 640px) {
@@ -104,6 +139,8 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 }
 @media print {
   body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
-  section, .figures div, tr { break-inside: avoid; } * { print-color-adjust: exact; }
+  section, .figures div, tr, .figure, video { break-inside: avoid; } * { print-color-adjust: exact; }
+  h2, h3, .legend { break-after: avoid; } .scroll { overflow: visible; }
+  .figure svg { max-width: 100%; height: auto; } .scene { display: block; } .scene > div { max-width: 560px; }
 }
 """

@@ -8,14 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sum_drake.svg import FAINT, INK, LINE, drawing, segment, words
 from sum_drake.types import Array
 
 PALETTE = (
     "#2f6fde", "#d1495b", "#1a8f5a", "#e08e0b", "#7a52c7", "#0e9aa7", "#8c5a2b", "#c44ec0",
     "#5c6773", "#7a9a01", "#ff7a59", "#3c4f9f", "#b08ea2", "#00a878", "#a89c1f", "#9e2a2b",
 )  # fmt: skip
-_INK, _FAINT, _LINE = "#1d2329", "#66707a", "#d9dee3"
-_FONT = "font-family='system-ui, sans-serif'"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,30 +65,30 @@ def line_plot(
     def place_y(y: Array) -> Array:
         return np.asarray(bottom - (bottom - top) * (y - y_low) / (y_high - y_low))
 
-    parts = [_text(left, 20, title, size=14, weight=600)]
+    parts = [words(left, 20, title, size=14, weight=600)]
     for value in _log_ticks(x_low, x_high) if log_x else _ticks(x_low, x_high):
         at = float(place_x(np.array(value)))
-        parts.append(_segment(at, top, at, bottom, _LINE))
-        parts.append(_text(at, bottom + 16, _number(value), anchor="middle", color=_FAINT))
+        parts.append(segment(at, top, at, bottom, LINE))
+        parts.append(words(at, bottom + 16, _number(value), anchor="middle", color=FAINT))
     for value in _ticks(y_low, y_high):
         at = float(place_y(np.array(value)))
-        parts.append(_segment(left, at, right, at, _LINE))
-        parts.append(_text(left - 7, at + 4, _number(value), anchor="end", color=_FAINT))
-    parts.append(_text((left + right) / 2, height - 10.0, x_label, anchor="middle", color=_FAINT))
-    parts.append(_text(14, (top + bottom) / 2, y_label, anchor="middle", color=_FAINT, turn=-90))
+        parts.append(segment(left, at, right, at, LINE))
+        parts.append(words(left - 7, at + 4, _number(value), anchor="end", color=FAINT))
+    parts.append(words((left + right) / 2, height - 10.0, x_label, anchor="middle", color=FAINT))
+    parts.append(words(14, (top + bottom) / 2, y_label, anchor="middle", color=FAINT, turn=-90))
     # What leaves the axes is cut off, but for half a dot.
     window = f"{left - 3:g} {top - 3:g} {right - left + 6:g} {bottom - top + 6:g}"
     at_x, at_y, wide, high = window.split()
     parts.append(f"<svg x='{at_x}' y='{at_y}' width='{wide}' height='{high}' viewBox='{window}'>")
     colors = {name: PALETTE[row % len(PALETTE)] for row, name in enumerate(names)}
     for one, line in zip(series, lines, strict=True):
-        parts.append(_drawn(one, line, place_x(line.x), place_y(line.y), colors.get(one.name, _FAINT)))
+        parts.append(_drawn(one, line, place_x(line.x), place_y(line.y), colors.get(one.name, FAINT)))
     parts.append("</svg>")
     for row, one in enumerate(one for one in series if one.name):
         y = top + 8 + 17 * row
-        parts.append(_segment(right + 12, y, right + 28, y, colors[one.name], width=2.5, dashed=one.dashed))
-        parts.append(_text(right + 33, y + 4, one.name))
-    return _svg(width, max(height, round(top + 17 * len(names) + 12)), title, parts)
+        parts.append(segment(right + 12, y, right + 28, y, colors[one.name], width=2.5, dashed=one.dashed))
+        parts.append(words(right + 33, y + 4, one.name))
+    return drawing(width, max(height, round(top + 17 * len(names) + 12)), title, parts)
 
 
 def matrix_plot(
@@ -112,23 +111,23 @@ def matrix_plot(
     left, top = margin + 22, 34 + head
     width = max(left + cell * len(columns) + 12, 24 + 8.2 * len(title))
     height = top + cell * len(rows) + 30
-    parts = [_text(12, 20, title, size=14, weight=600)]
-    parts.append(_text(14, top + cell * len(rows) / 2, y_label, anchor="middle", color=_FAINT, turn=-90))
-    parts.append(_text(left + cell * len(columns) / 2, height - 10, x_label, anchor="middle", color=_FAINT))
+    parts = [words(12, 20, title, size=14, weight=600)]
+    parts.append(words(14, top + cell * len(rows) / 2, y_label, anchor="middle", color=FAINT, turn=-90))
+    parts.append(words(left + cell * len(columns) / 2, height - 10, x_label, anchor="middle", color=FAINT))
     for j, name in enumerate(columns):
-        parts.append(_text(left + cell * (j + 0.5) + 4, top - 7, name, turn=-90))
+        parts.append(words(left + cell * (j + 0.5) + 4, top - 7, name, turn=-90))
     for i, name in enumerate(rows):
-        parts.append(_text(left - 7, top + cell * (i + 0.5) + 4, name, anchor="end"))
+        parts.append(words(left - 7, top + cell * (i + 0.5) + 4, name, anchor="end"))
         for j, said in enumerate(columns):
             x, y, share = left + cell * j, top + cell * i, float(shares[i, j])
             parts.append(
-                f"<rect x='{x:g}' y='{y:g}' width='{cell}' height='{cell}' fill='{_shade(share)}' stroke='{_LINE}'>"
+                f"<rect x='{x:g}' y='{y:g}' width='{cell}' height='{cell}' fill='{_shade(share)}' stroke='{LINE}'>"
                 f"<title>{html.escape(f'{name}, {said}: {counts[i, j]} ({share:.2f})')}</title></rect>"
             )
             if counts[i, j]:
-                ink = "#fff" if share > 0.55 else _INK
-                parts.append(_text(x + cell / 2, y + cell / 2 + 4, str(counts[i, j]), anchor="middle", color=ink))
-    return _svg(round(width), round(height), title, parts)
+                ink = "#fff" if share > 0.55 else INK
+                parts.append(words(x + cell / 2, y + cell / 2 + 4, str(counts[i, j]), anchor="middle", color=ink))
+    return drawing(round(width), round(height), title, parts)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -157,10 +156,8 @@ def _drawn(series: Series, line: _Line, x: Array, y: Array, color: str) -> str:
         parts.append(f"{shown}<title>{html.escape(series.name)}</title></path>")
     if series.dots:
         for i in map(int, np.flatnonzero(known)):
-            words = html.escape(f"{series.name} {_number(line.x[i])}: {line.y[i]:.3f}".strip())
-            parts.append(
-                f"<circle cx='{x[i]:.1f}' cy='{y[i]:.1f}' r='3' fill='{color}'><title>{words}</title></circle>"
-            )
+            said = html.escape(f"{series.name} {_number(line.x[i])}: {line.y[i]:.3f}".strip())
+            parts.append(f"<circle cx='{x[i]:.1f}' cy='{y[i]:.1f}' r='3' fill='{color}'><title>{said}</title></circle>")
     return "".join(parts)
 
 
@@ -199,32 +196,3 @@ def _shade(share: float) -> str:
     """White to blue."""
     r, g, b = (round(255 + (end - 255) * math.sqrt(share)) for end in (37, 84, 176))
     return f"rgb({r},{g},{b})"
-
-
-def _segment(x1: float, y1: float, x2: float, y2: float, color: str, width: float = 1.0, dashed: bool = False) -> str:
-    dash = " stroke-dasharray='5 4'" if dashed else ""
-    ends = f"x1='{x1:.1f}' y1='{y1:.1f}' x2='{x2:.1f}' y2='{y2:.1f}'"
-    return f"<line {ends} stroke='{color}' stroke-width='{width:g}'{dash}/>"
-
-
-def _text(
-    x: float,
-    y: float,
-    words: str,
-    *,
-    size: int = 12,
-    weight: int = 400,
-    anchor: str = "start",
-    color: str = _INK,
-    turn: int = 0,
-) -> str:
-    turned = f" transform='rotate({turn} {x:.1f} {y:.1f})'" if turn else ""
-    style = f"font-size='{size}' font-weight='{weight}' text-anchor='{anchor}' fill='{color}'"
-    return f"<text x='{x:.1f}' y='{y:.1f}' {_FONT} {style}{turned}>{html.escape(words)}</text>"
-
-
-def _svg(width: int, height: int, title: str, parts: Sequence[str]) -> str:
-    size = f"width='{width}' height='{height}' viewBox='0 0 {width} {height}'"
-    label = f"role='img' aria-label='{html.escape(title)}'"
-    background = f"<rect width='{width}' height='{height}' fill='#fff'/>"
-    return f"<svg xmlns='http://www.w3.org/2000/svg' {size} {label}>{background}{''.join(parts)}</svg>\n"

@@ -1,134 +1,109 @@
 """A run as one HTML page that opens without a network."""
 
 import dataclasses
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import yaml
 
 from sum_drake import page
-from sum_drake.assets import InputError, one_line
+from sum_drake.assets import InputError
 from sum_drake.belief import ENDS
-from sum_drake.drawing import draw_depth, draw_perception, label_color, verdict
-from sum_drake.explaining import explained
+from sum_drake.belief_chart import belief_chart, left_out, reasons
+from sum_drake.drawing import draw_depth, draw_perception, verdict
 from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
-from sum_drake.jsonio import encode
-from sum_drake.making_way import MOVE
-from sum_drake.runlog_reader import RunRecord, read_what_there_is
-from sum_drake.summary_schema import validate_summary
-from sum_drake.types import Attempt, Perception, SceneBelief
-from sum_drake.yamlio import parse_yaml
+from sum_drake.from_above import from_above
+from sum_drake.report_attempts import attempts_part
+from sum_drake.report_parts import count, degrees, millimetres, name, outcome_chip, reason, seconds
+from sum_drake.run_folder import RunFolder, Tried, catalogue_of_run, read_run_folder
+from sum_drake.runlog_reader import RunRecord
+from sum_drake.types import Perception, SceneBelief
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
+Progress = Callable[[int, int], None]
+"""Told how many pictures of the film are done, of how many."""
 
-def write_report(run_folder: Path, catalogue: "Catalogue | None" = None) -> Path:
-    """Writes `report.html` into a run folder, from whatever of summary and log there is; returns its path.
+
+def write_report(
+    run_folder: Path,
+    catalogue: "Catalogue | None" = None,
+    *,
+    out: Path | None = None,
+    film: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Writes a run's report, from whatever of summary and log there is; returns its path.
 
     Args:
         catalogue: the objects of the run; by default the ones that its scenario.yaml names.
+        out: the file; by default `report.html` in the run folder.
+        film: render a film, too: some 15 CPU seconds.
+        progress: of the film.
 
     Raises InputError for a folder without anything to report.
     """
-    from sum_drake.objects import load_catalogue
-
-    run = _read_run(run_folder)
+    run = read_run_folder(run_folder)
     if catalogue is None:
-        try:
-            catalogue = load_catalogue(_catalogue_path(run.scenario))
-        except InputError as error:
-            problem = f"Only objects of the package can be drawn: {error}"
-            run, catalogue = dataclasses.replace(run, problems=(*run.problems, problem)), load_catalogue()
-    path = run_folder / "report.html"
-    write_whole(path, _page(run, catalogue))
+        catalogue, problem = catalogue_of_run(run)
+        if problem is not None:
+            run = dataclasses.replace(run, problems=(*run.problems, problem))
+    path = run_folder / "report.html" if out is None else out
+    write_whole(path, _page(run, catalogue, _film(run, catalogue, progress) if film else _NO_FILM))
     return path
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Run:
-    """What a run folder holds."""
-
-    name: str
-    summary: Mapping[str, Any] | None
-    record: RunRecord | None
-    scenario: str | None
-    problems: tuple[str, ...]
-    """What is missing or broken, one line each."""
-
-    @property
-    def perceptions(self) -> tuple[Perception, ...]:
-        return () if self.record is None else self.record.perceptions
-
-    @property
-    def seed(self) -> str:
-        if self.summary is not None:
-            return str(self.summary["seed"])
-        return "?" if self.record is None else self.record.metadata.get("seed", "?")
-
-    def attempts(self) -> list[Mapping[str, Any]]:
-        """Rows as in summary.json; without an outcome where there is no summary."""
-        if self.summary is not None:
-            return list(self.summary["attempts"])
-        return [] if self.record is None else [_row(attempt) for _, attempt in self.record.attempts]
+_NO_FILM = '<p class="legend">A film of the run comes with <code>sum-drake report RUN --force</code>.</p>'
 
 
-def _row(attempt: Attempt) -> Mapping[str, Any]:
-    return {**encode(attempt), "rejected_by": dict(attempt.rejected_by), "outcome": None, "slip_m": None}
+def _film(run: RunFolder, catalogue: "Catalogue", progress: Progress | None) -> str:
+    """The film, or why there is none, HTML."""
+    from sum_drake.doctor import egl_problem
+    from sum_drake.storyboard import storyboard
 
+    board = None if run.record is None else storyboard(run.record, catalogue, run.regions())
+    if run.record is None or board is None or not board.shots:
+        return '<p class="problem">There is no film: the log tells of no joints.</p>'
+    problem = egl_problem()
+    if problem is not None:
+        return f'<p class="problem">There is no film: {page.text(problem)}</p>'
+    from sum_drake.film import FPS, SCENE, film, webm
 
-def _read_run(folder: Path) -> _Run:
-    problems, summary, record, scenario = [], None, None, None
+    directives = run.resolved().get("directives")
+    scene = yaml.safe_dump({"directives": directives}) if directives else SCENE
     try:
-        data = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        validate_summary(data)
-        summary = data
-    except FileNotFoundError:
-        problems.append("There is no summary.json: the run did not finish, so nothing is known of the truth.")
-    except (OSError, ValueError) as error:
-        problems.append(f"summary.json cannot be used: {one_line(error)}")
-    try:
-        record = read_what_there_is(folder / "run.mcap")
-        if record.problem is not None:
-            problems.append(f"Read as far as it goes: {record.problem}")
-    except InputError as error:
-        problems.append(str(error))
-    if summary is None and record is None:
-        raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
-    if (folder / "scenario.yaml").is_file():
-        scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
-    here = f"{folder}/"  # A report is passed on: it need not tell where the folder lay.
-    return _Run(folder.resolve().name, summary, record, scenario, tuple(p.replace(here, "") for p in problems))
+        pictures = list(film(board, catalogue, run.record.joint_names, directives=scene, progress=progress))
+        data = webm(iter(pictures))
+    except (InputError, RuntimeError) as error:
+        return f'<p class="problem">There is no film: {page.text(str(error))}</p>'
+    said = (
+        f"{board.speed:.1f} times as fast as it was; rendered from the log: the robot as its joints were measured, "
+        "things where they were believed to be."
+    )
+    shown = page.video(data, pictures[len(pictures) // 2], "The run as a film")
+    return f'{shown}<p class="legend">{said} {len(pictures) / FPS:.0f} s.</p>'
 
 
-def _catalogue_path(scenario: str | None) -> Path | None:
-    """The catalogue that a resolved scenario names; None where it names none, as for the package's."""
-    try:
-        data = parse_yaml(scenario or "", "scenario.yaml")
-    except InputError:
-        return None
-    resolved = data.get("resolved") if isinstance(data, dict) else None
-    named = resolved.get("catalogue") if isinstance(resolved, dict) else None
-    return Path(named) if isinstance(named, str) and named else None
-
-
-def _page(run: _Run, catalogue: "Catalogue") -> str:
-    attempts = run.attempts()
+def _page(run: RunFolder, catalogue: "Catalogue", film: str) -> str:
+    tried = run.tried()
     parts = [_header(run), *(f'<p class="problem">{page.text(problem)}</p>' for problem in run.problems)]
     if run.summary is not None:
-        parts += [_figures(run.summary), "<h2>Objects</h2>", _object_table(run.summary["objects"], catalogue)]
+        parts += [_figures(run.summary)]
+    parts += _scene(run, catalogue, film)
+    if run.summary is not None:
+        parts += ["<h2>Objects</h2>", _object_table(run.summary["objects"], catalogue)]
     if run.summary is not None and run.summary.get("faults"):
         parts += ["<h2>Faults</h2>", _fault_table(run.summary["faults"], catalogue)]
-    if attempts:
-        parts += ["<h2>Attempts</h2>", _attempt_table(attempts, catalogue)]
+    parts += attempts_part(tried, catalogue)
+    parts += _belief(run.perceptions, catalogue)
     if run.perceptions:
         parts += ["<h2>Observations</h2>", _LEGEND]
         scored = {} if run.summary is None else {row["step"]: row for row in run.summary["observations"]}
         parts += [
-            _observation(one, scored.get(one.step), _done_next(run, one.step, attempts), catalogue)
+            _observation(one, scored.get(one.step), _done_next(run, one.step, tried), catalogue)
             for one in run.perceptions
         ]
     if run.summary is not None:
@@ -138,10 +113,43 @@ def _page(run: _Run, catalogue: "Catalogue") -> str:
     return page.page(f"Sorting run {run.name}", parts)
 
 
-def _header(run: _Run) -> str:
-    outcome = "unfinished" if run.summary is None else run.summary["outcome"]
-    kind = {"cleared": "good", "unfinished": "poor"}.get(outcome, "bad")
-    return f"<h1>Sorting run, seed {page.text(run.seed)}</h1><p>{page.chip(outcome, kind)}</p>"
+def _scene(run: RunFolder, catalogue: "Catalogue", film: str) -> list[str]:
+    """The film and the table from above, side by side; HTML."""
+    above = from_above(run, catalogue)
+    if not above:
+        return [film]
+    legend = (
+        '<p class="legend">Filled: accepted after the last look; dashed: not accepted. Dotted with a number: where '
+        "that attempt let go, its ring green if the object ended where it belongs. Crosses: where things truly lie.</p>"
+    )
+    return [
+        '<div class="scene">',
+        f"<div><h2>The run</h2>{film}</div>" if film is not _NO_FILM else "",
+        f"<div><h2>From above, at the end</h2>{page.figure(above)}{legend}</div>",
+        "</div>",
+        film if film is _NO_FILM else "",
+    ]
+
+
+def _belief(looks: Sequence[Perception], catalogue: "Catalogue") -> list[str]:
+    """What became of each track; HTML."""
+    chart = belief_chart(looks, catalogue)
+    if not chart:
+        return []
+    words = (
+        "A row a track, a box a look, filled as far as the track is probable: in colour where it was accepted, pale "
+        "and dashed where it was rejected or not seen."
+    )
+    rest = left_out(looks)
+    if rest:
+        words += f" Not shown: {count(rest, 'track')} never above 0.05."
+    ends = [f"<b>{page.text(word)}</b>: {page.text(said)}" for word, said in reasons(looks).items()]
+    told = f" Ended, {'; '.join(ends)}." if ends else ""
+    return ["<h2>Belief over time</h2>", f'<p class="legend">{page.text(words)}{told}</p>', page.figure(chart)]
+
+
+def _header(run: RunFolder) -> str:
+    return f"<h1>Sorting run, seed {page.text(run.seed)}</h1><p>{outcome_chip(run.outcome)}</p>"
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -154,8 +162,8 @@ def _figures(summary: Mapping[str, Any]) -> str:
         ("missorted", missorted),
         ("trials", str(summary["manipulation_trials"])),
         ("manipulation errors", str(summary["manipulation_errors"])),
-        ("simulated", _seconds(summary["timing"]["sim_time_s"])),
-        ("took", _seconds(summary["timing"]["wall_s"])),
+        ("simulated", seconds(summary["timing"]["sim_time_s"])),
+        ("took", seconds(summary["timing"]["wall_s"])),
     ]
     return page.tiles(figures)
 
@@ -164,7 +172,7 @@ def _object_table(objects: Sequence[Mapping[str, Any]], catalogue: "Catalogue") 
     rows = []
     for row in objects:
         kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
-        rows.append([_name(row["label"], catalogue), page.text(row["goal"]), page.chip(row["place"], kind)])
+        rows.append([name(row["label"], catalogue), page.text(row["goal"]), page.chip(row["place"], kind)])
     return page.table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
 
 
@@ -172,57 +180,19 @@ def _fault_table(faults: Sequence[Mapping[str, Any]], catalogue: "Catalogue") ->
     rows = []
     for row in faults:
         after = row["dealt_with_after"]
-        looks = "" if after is None else _count(after, "look")
+        looks = "" if after is None else count(after, "look")
         kind = "plain" if not row["happened"] else "bad" if after is None else "good"
         rows.append(
             [
                 str(row["observation"]),
                 page.text(row["kind"].replace("_", " ")),
                 page.text(KINDS.get(row["kind"], "")),
-                "" if row["object"] is None else _name(row["object"], catalogue),
+                "" if row["object"] is None else name(row["object"], catalogue),
                 looks,
                 page.chip(row["belief"], kind),
             ]
         )
     return page.table(["look", "fault", "what happens", "object", "dealt with after", "what the belief says"], rows)
-
-
-_OUTCOME_KINDS = {"sorted": "good", "moved": "good", "infeasible": "plain", None: "plain"}
-
-
-def _attempt_table(attempts: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
-    rows = []
-    for row in attempts:
-        taken = row.get("object")
-        mistaken = f" (was {taken})" if taken not in (None, row["label"]) else ""
-        knocked = "".join(f"; knocked off {label}" for label in row.get("knocked_off", ()))
-        rows.append(
-            [
-                str(row["step"]),
-                _name(row["label"], catalogue) + page.text(mistaken),
-                page.text(row["region"]),
-                page.chip(row["outcome"] or "unknown", _OUTCOME_KINDS.get(row["outcome"], "bad")),
-                page.text(_reason(row) + knocked),
-                page.text(row.get("why", "")),
-                page.text(_believed(row.get("believed"))),
-                page.text(explained(row["grasp_candidates"], tuple(row["rejected_by"].items()))),
-                _millimetres(row["slip_m"]),
-            ]
-        )
-    heads = ["after look", "object", "to", "outcome", "reason", "why this", "believed afterwards", "grasps", "slip"]
-    return page.table(heads, rows)
-
-
-def _reason(row: Mapping[str, Any]) -> str:
-    """How an attempt ended by what the robot knows, and, of one that was more than a pick and place, what it was."""
-    words = str(row["reason"]).replace("_", " ")
-    return f"moved out of the way: {words}" if row["kind"] == MOVE else words
-
-
-def _believed(outcomes: Mapping[str, float] | None) -> str:
-    """What the belief made of an attempt: its likeliest outcomes."""
-    likely = sorted((outcomes or {}).items(), key=lambda item: -item[1])
-    return ", ".join(f"{name} {share:.2f}" for name, share in likely[:2] if share >= 0.05)
 
 
 _LEGEND = (
@@ -259,7 +229,7 @@ def _ended(belief: SceneBelief) -> str:
 def _observed(perception: Perception, score: Mapping[str, Any] | None) -> str:
     tracks = perception.posterior.tracks
     accepted = sum(track.accepted for track in tracks)
-    counts = [_count(len(perception.detections), "detection"), _count(len(tracks), "track"), f"{accepted} accepted"]
+    counts = [count(len(perception.detections), "detection"), count(len(tracks), "track"), f"{accepted} accepted"]
     words = [", ".join(counts)]
     if score is not None and score["false_positives"] is not None:
         words.append(f"{score['false_positives_rejected']} of {score['false_positives']} false positives rejected")
@@ -275,21 +245,17 @@ def _fate(detection: Mapping[str, Any]) -> str:
     return f"{detection['label']} {detection['probability']:.2f} {became.get(detection['fate'], detection['fate'])}"
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _done_next(run: _Run, step: int, attempts: Sequence[Mapping[str, Any]]) -> str:
+def _done_next(run: RunFolder, step: int, tried: Sequence[Tried]) -> str:
     """What followed a look."""
     words = []
-    for row in attempts:
+    for row in (one.row for one in tried):
         if row["step"] == step:
             how = row["outcome"] or "outcome unknown"
-            words.append(f"{row['label']} to {row['region']}, {how} ({_reason(row)})")
-    tried = "Then: " + "; ".join(words) + "." if words else ""
+            words.append(f"{row['label']} to {row['region']}, {how} ({reason(row)})")
+    then = "Then: " + "; ".join(words) + "." if words else ""
     cut_off = run.record is not None and run.summary is None and step == run.perceptions[-1].step
     under_way = _under_way(run.record) if run.record is not None and cut_off else ""
-    return f"{tried} {under_way}".strip() or "Then nothing was attempted."
+    return f"{then} {under_way}".strip() or "Then nothing was attempted."
 
 
 def _under_way(record: RunRecord) -> str:
@@ -316,13 +282,13 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
         rows.append(
             [
                 str(track.id),
-                _name(track.label, catalogue),
+                name(track.label, catalogue),
                 page.chip(verdict(track, belief.observation), "good" if track.accepted else "plain"),
                 f"{track.probability:.2f}",
                 f"{track.p_box * track.p_label:.2f}",
                 f"{track.likelihood:.2f}",
-                _millimetres(pose.get("translation_error_m")),
-                _degrees(pose.get("rotation_error_rad")),
+                millimetres(pose.get("translation_error_m")),
+                degrees(pose.get("rotation_error_rad")),
                 "" if share is None else f"{100 * share:.0f} %",
             ]
         )
@@ -343,42 +309,25 @@ def _track_table(belief: SceneBelief, score: Mapping[str, Any] | None, catalogue
 
 
 def _timing(timing: Mapping[str, float | None]) -> str:
-    costs = [(name, value) for name, value in timing.items() if value is not None]
+    costs = [(of, value) for of, value in timing.items() if value is not None]
     longest = max((value for _, value in costs), default=0.0) or 1.0
     rows = [
         [
-            page.text(_words(name)),
-            f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{_seconds(value)}',
+            page.text(_words(of)),
+            f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{seconds(value)}',
         ]
-        for name, value in costs
+        for of, value in costs
     ]
     return page.table(["of", "cost"], rows) if rows else "<p>Nothing was measured.</p>"
 
 
-def _words(name: str) -> str:
+def _words(of: str) -> str:
     return {"wall_s": "wall clock", "sim_time_s": "simulated time"}.get(
-        name, name.removesuffix("_cpu_s") + " (CPU)" if name.endswith("_cpu_s") else name
+        of, of.removesuffix("_cpu_s") + " (CPU)" if of.endswith("_cpu_s") else of
     )
 
 
 def _made_with(summary: Mapping[str, Any]) -> str:
-    versions = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
+    versions = ", ".join(f"{of} {version}" for of, version in summary["versions"].items())
     device, digest = page.text(summary["device"]), page.text(summary["digest"])
     return f'<p>{page.text(versions)}; on {device}.</p><p class="digest">Digest {digest}</p>'
-
-
-def _name(label: str, catalogue: "Catalogue") -> str:
-    r, g, b = label_color(label, catalogue)
-    return f'<span class="name"><i style="background:rgb({r},{g},{b})"></i>{page.text(label)}</span>'
-
-
-def _millimetres(value: float | None) -> str:
-    return "" if value is None else f"{1000 * value:.1f} mm"
-
-
-def _degrees(value: float | None) -> str:
-    return "" if value is None else f"{np.degrees(value):.1f}°"
-
-
-def _seconds(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.1f} s"

@@ -1,25 +1,56 @@
-"""`sum-drake report`: a run's report, written again."""
+"""`sum-drake report`: a run's report, written again; or two runs side by side."""
 
 import argparse
+import functools
+import shlex
 from pathlib import Path
 
 from sum_drake.assets import InputError
-from sum_drake.commands.common import Commands, add_command
+from sum_drake.commands.common import Commands, Counting, add_command, add_quiet, check_writable
 
 
 def add(commands: Commands) -> None:
     """Declares the command."""
-    report = add_command(commands, "report", _report, "write a run's HTML report again", "report runs/3 --force")
-    report.add_argument("run", type=Path, metavar="RUN", help="run folder")
+    text = "write a run's HTML report again, with a film; of two runs, one that sets them side by side"
+    report = add_command(commands, "report", _report, text, "report runs/3 --force")
+    report.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folder; two are compared")
+    report.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="page (default: RUN/report.html; of two, report_RUN_RUN2.html here)",
+    )
+    report.add_argument("--no-video", action="store_true", help="without the film, which takes half a minute")
     report.add_argument("--force", action="store_true", help="replace the report that is there")
+    add_quiet(report)
 
 
 def _report(options: argparse.Namespace) -> None:
     from sum_drake.report import write_report
+    from sum_drake.report_compare import write_comparison
 
-    if not options.run.is_dir():
-        what = "a file" if options.run.exists() else "no such folder"
-        raise InputError(f"{options.run}: {what}; expected the folder of a run, as sum-drake sort writes it")
-    if (options.run / "report.html").exists() and not options.force:
-        raise InputError(f"{options.run / 'report.html'}: exists; expected --force to replace it")
-    print(write_report(options.run))
+    if len(options.runs) > 2:
+        raise InputError(f"{options.runs[2]}: a third run; expected one, or two to be compared")
+    for run in options.runs:
+        if not run.is_dir():
+            what = "a file" if run.exists() else "no such folder"
+            raise InputError(f"{run}: {what}; expected the folder of a run, as sum-drake sort writes it")
+    if options.out is not None:
+        out = options.out
+    elif len(options.runs) == 2:
+        out = Path("report_{}_{}.html".format(*(run.resolve().name for run in options.runs)))
+    else:
+        out = options.runs[0] / "report.html"
+    check_writable(out)
+    if out.exists() and not options.force:
+        raise InputError(f"{out}: exists; expected --force to replace it")
+    try:
+        if len(options.runs) == 2:
+            print(write_comparison(*options.runs, out))
+        else:
+            progress = functools.partial(Counting(quiet=options.quiet), "rendering the film")
+            print(write_report(options.runs[0], out=out, film=not options.no_video, progress=progress))
+    except KeyboardInterrupt:
+        kept = "the report that was there is as it was" if out.exists() else "nothing was written"
+        again = shlex.join(["sum-drake", "report", *map(str, options.runs), "--no-video"])
+        raise KeyboardInterrupt(f"{kept}; without the film it is quick: {again}") from None
