@@ -12,7 +12,7 @@ from typing import NoReturn
 
 from sum_drake import __version__
 from sum_drake.assets import InputError
-from sum_drake.commands import bench, detection, doctor, estimate, objects, report, sort
+from sum_drake.commands import batch, bench, detection, doctor, estimate, objects, report, sort
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"sum-drake {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    for module in (sort, estimate, objects, detection, bench, report, doctor):
+    for module in (sort, batch, estimate, objects, detection, bench, report, doctor):
         module.add(commands)
     return parser
 

@@ -58,7 +58,7 @@ def digest(files: Sequence[Path]) -> str:
     return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
 
 
-def _other(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def different(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
     words = {"code": "another version of the program", "meshes": "other meshes", "models": "other models"}
     keys = [key for key in settings if begun.get(key) != settings[key]]
@@ -87,7 +87,7 @@ class RowLog(Generic[Result]):
                 self._path.write_text(json.dumps(settings) + "\n")
                 return
             where = f"{self._path}, line 1"
-            other = _other(json.loads(lines[0]), settings)
+            other = different(json.loads(lines[0]), settings)
             if other:
                 raise InputError(f"{self._path}: is of {other}; expected a new --out, or --force")
             for number, line in enumerate(lines[1:], start=2):

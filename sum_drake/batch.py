@@ -1,0 +1,174 @@
+"""Many runs, kept one by one: DIR/SEED/ run folders with episode.json, and DIR/batch.json of what they come to.
+
+A run is kept whole, by renaming its folder, or not at all; called again, a batch goes on with what is missing. What a
+run does depends on its scenario and seed alone, so order and number of workers change nothing.
+"""
+
+import contextlib
+import dataclasses
+import fcntl
+import json
+import shutil
+import tempfile
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any, Protocol
+
+from sum_drake.assets import InputError, one_line
+from sum_drake.batch_figures import batch_figures, causes, losses
+from sum_drake.bench.resumed import different
+from sum_drake.doctor import device, versions
+from sum_drake.episodes import SCHEMA as EPISODE
+from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
+from sum_drake.jsonio import write_json
+
+SCHEMA = "sum-drake/batch/1"
+WORK = ".work"
+"""Folder in the batch's of what is not done."""
+Progress = Callable[[str, int, int], None]
+
+
+class Executor(Protocol):
+    """Runs episodes somewhere."""
+
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+        """Each episode once, as it ends. work: a folder for what is under way."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Processes:
+    """So many processes on this machine, each for one episode."""
+
+    workers: int
+
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+        """As `Executor.run`; what is under way when it is interrupted is ended."""
+        with ThreadPoolExecutor(self.workers) as pool:
+            futures = [pool.submit(run_episode, spec, work) for spec in specs]
+            try:
+                for future in as_completed(futures):
+                    yield future.result()
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                end_episodes()
+                raise
+
+
+def run_batch(
+    out: Path,
+    specs: Sequence[EpisodeSpec],
+    settings: Mapping[str, Any],
+    executor: Executor,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Runs what is missing of a batch; returns what batch.json then holds.
+
+    settings: what the runs of a batch have in common. Raises InputError for a folder that holds a batch of other
+    settings, or that another batch is at.
+    """
+    check_batch(out, settings)
+    work = out / WORK
+    with _alone(out):
+        shutil.rmtree(work, ignore_errors=True)  # of a batch that was killed
+        work.mkdir(parents=True)
+        rows = {spec.seed: row for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
+        left = [spec for spec in specs if spec.seed not in rows]
+        seeds = [spec.seed for spec in specs]
+        told = _write(out, settings, seeds, rows)
+        progress("running", len(rows), len(specs))
+        with contextlib.closing(executor.run(left, work)) as episodes:
+            for episode in episodes:
+                keep(episode, out)
+                rows[episode.seed] = episode.row()
+                told = _write(out, settings, seeds, rows)
+                progress("running", len(rows), len(specs))
+        shutil.rmtree(work)
+    return told
+
+
+def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
+    """Raises InputError unless a folder is new, empty, or holds a batch of these settings."""
+    file = out / "batch.json"
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out {out}: a file; expected a folder or a new name")
+    if not file.is_file():
+        if out.is_dir() and any(path.name not in (WORK, ".lock") for path in out.iterdir()):
+            raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
+        return
+    try:
+        begun = json.loads(file.read_text())
+        if begun["schema"] != SCHEMA:
+            raise InputError(f"{file}: schema {begun['schema']!r}; expected {SCHEMA!r}")
+        other = different(begun["settings"], settings)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: {one_line(error)}; expected a batch's, or a new --out") from None
+    if other:
+        raise InputError(f"{file}: is of {other}; expected a new --out")
+
+
+def read_episode(folder: Path) -> dict[str, Any] | None:
+    """episode.json of a run that was kept; None where there is none. Raises InputError for one that cannot be used."""
+    file = folder / "episode.json"
+    if not file.is_file():
+        return None
+    try:
+        row = json.loads(file.read_text())
+        if row["schema"] != EPISODE:
+            raise InputError(f"{file}: schema {row['schema']!r}; expected {EPISODE!r}")
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: {one_line(error)}; expected an episode's: remove {folder} to run it again") from None
+    return dict(row)
+
+
+def keep(episode: Episode, out: Path) -> None:
+    """Puts an episode's folder into the batch's, whole."""
+    folder = Path(tempfile.mkdtemp(dir=out / WORK, prefix=f"{episode.seed}.kept."))
+    folder.chmod(0o755)
+    for name, content in episode.files.items():
+        (folder / name).write_bytes(content)
+    if episode.reason:
+        (folder / "log.txt").write_text(episode.log)
+    write_json(folder / "episode.json", episode.row())
+    shutil.rmtree(out / str(episode.seed), ignore_errors=True)  # holds no episode.json
+    folder.rename(out / str(episode.seed))
+
+
+def _write(
+    out: Path, settings: Mapping[str, Any], seeds: Sequence[int], rows: Mapping[int, Mapping[str, Any]]
+) -> dict[str, Any]:
+    done = [rows[seed] for seed in seeds if seed in rows]
+    told = {
+        "schema": SCHEMA,
+        "settings": dict(settings),
+        "seeds": [min(seeds), max(seeds)],
+        "runs": len(seeds),
+        "done": len(done),
+        "figures": batch_figures(done),
+        "causes": causes(done),
+        "losses": losses(done),
+        "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
+        "versions": versions(),
+        "device": device(),
+    }
+    write_json(out / "batch.json", told)
+    return told
+
+
+BRIEF = (
+    "seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
+    "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
+)  # fmt: skip
+
+
+@contextlib.contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Within, no other batch is at the folder."""
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError(f"--out {out}: another batch is at it; expected its end, or another folder") from None
+        yield

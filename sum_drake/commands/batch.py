@@ -1,0 +1,107 @@
+"""`sum-drake batch`: many runs."""
+
+import argparse
+from pathlib import Path
+
+from sum_drake.assets import InputError
+from sum_drake.commands.common import (
+    Commands,
+    Counting,
+    add_catalogue,
+    add_command,
+    add_parallel,
+    add_quiet,
+    check_count,
+)
+
+TIME_LIMIT_S, MEMORY_MIB = 3600.0, 4096
+
+
+def add(commands: Commands) -> None:
+    """Declares the command."""
+    text = "many sorting runs, each in a fresh process; called again, it goes on until all are done"
+    batch = add_command(commands, "batch", _run, text, "batch --runs 60 --first-seed 1000 --workers 2 --out out/b60")
+    batch.description = (
+        f"{text[0].upper()}{text[1:]}. DIR/SEED/ holds a run's folder and episode.json, DIR/batch.json what all come"
+        " to. A run that crashes or hangs is a result with its reason, never the end of the batch."
+    )
+    batch.add_argument(
+        "--runs", type=int, required=True, metavar="N", help="how many; a begun batch may be made longer"
+    )
+    batch.add_argument("--first-seed", type=int, default=0, metavar="S", help="seeds are S, S + 1, ... (default: 0)")
+    batch.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
+    batch.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
+    batch.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
+    batch.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
+    add_catalogue(batch, "the scenario's")
+    add_parallel(batch, "--workers", "runs at a time on this machine")
+    batch.add_argument("--cluster", metavar="ADDRESS", help="run them on this Dask cluster instead (extra `cluster`)")
+    batch.add_argument(
+        "--time-limit", type=float, default=TIME_LIMIT_S, metavar="SECONDS",
+        help=f"wall time after which a run is ended (default: {TIME_LIMIT_S:g})",
+    )  # fmt: skip
+    batch.add_argument(
+        "--memory-limit", type=int, default=MEMORY_MIB, metavar="MIB",
+        help=f"memory that a run may allocate (default: {MEMORY_MIB})",
+    )  # fmt: skip
+    batch.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder")
+    add_quiet(batch)
+
+
+def _run(options: argparse.Namespace) -> None:
+    import hashlib
+
+    from sum_drake.batch import Executor, Processes, check_batch, run_batch
+    from sum_drake.bench.resumed import code_and_meshes
+    from sum_drake.doctor import require_rendering
+    from sum_drake.episodes import EpisodeSpec
+    from sum_drake.objects import load_catalogue
+    from sum_drake.systems.scenario import catalogue_of, dump_scenario, load_scenario
+
+    check_count("--runs", options.runs)
+    check_count("--first-seed", options.first_seed, 0)
+    check_count("--workers", options.workers)
+    check_count("--memory-limit", options.memory_limit, 512)
+    if not options.time_limit > 0:
+        raise InputError(f"--time-limit {options.time_limit:g}: expected more than 0 seconds")
+    scenario = load_scenario(
+        options.scenario_file,
+        options.scenario_name,
+        options.scenario_text,
+        seed=options.first_seed,
+        objects=options.objects,
+        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
+    )
+    text = dump_scenario(scenario)
+    specs = [
+        EpisodeSpec(seed, text, options.time_limit, options.memory_limit)
+        for seed in range(options.first_seed, options.first_seed + options.runs)
+    ]
+    settings = {
+        "first_seed": options.first_seed,
+        "objects": len(scenario.objects.labels) or scenario.objects.count,
+        "scenario": hashlib.sha256(text.encode()).hexdigest()[:16],
+        "time_limit_s": options.time_limit,
+        "memory_limit_mib": options.memory_limit,
+        **code_and_meshes(catalogue_of(scenario)),
+    }
+    check_batch(options.out, settings)
+    if options.cluster is None:
+        require_rendering()
+        executor: Executor = Processes(options.workers)
+    else:
+        from sum_drake.cluster import Cluster
+
+        executor = Cluster(options.cluster)
+    try:
+        told = run_batch(options.out, specs, settings, executor, Counting(quiet=options.quiet))
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{options.out} keeps what was done: the same command goes on") from None
+    if not options.quiet:
+        figures = told["figures"]
+        share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))
+        interval = "" if low is None else f" ({low:.3f} to {high:.3f} in 95 % of bootstrap draws)"
+        print(f"{figures['runs']:.0f} runs: {share:.3f} of {figures['objects']:.0f} objects sorted{interval}")
+        for cause, count in told["causes"].items():
+            print(f"  lost: {count} {cause}")
+        print(options.out / "batch.json")

@@ -1,0 +1,189 @@
+"""One run of a batch: in a fresh process, with a limit of time and of memory, and whatever happens a result."""
+
+import contextlib
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sum_drake.assets import InputError, one_line
+from sum_drake.jsonio import encode
+from sum_drake.summary_schema import validate_summary
+from sum_drake.types import Immutable
+from sum_drake.workers import one_thread_each
+
+SCHEMA = "sum-drake/episode/1"
+STATES = {
+    "ended": "the run came to its own end",
+    "failed": "the run failed, and said why",
+    "crashed": "its process died",
+    "timed_out": "it took longer than it may, and was killed",
+    "lost": "the cluster lost it, again and again",
+}
+"""How an episode ended."""
+LOG_TAIL = 4000
+"""Characters kept of what a run said last."""
+
+
+@dataclasses.dataclass(frozen=True)
+class EpisodeSpec:
+    """What is to be run."""
+
+    seed: int
+    scenario: str
+    """As `scenario.dump_scenario` writes it."""
+    time_limit_s: float
+    """Of wall time: what hangs is killed."""
+    memory_mib: int
+    """What the process may allocate."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Episode(Immutable):
+    """What came of it."""
+
+    seed: int
+    state: str
+    """One of STATES."""
+    reason: str
+    """Of what did not end by itself, in words; "" otherwise."""
+    summary: Mapping[str, Any] | None
+    """summary.json, where there is one."""
+    files: Mapping[str, bytes]
+    """The run folder by name: what there is of it."""
+    log: str
+    """What the run said last."""
+    cpu_s: float
+    wall_s: float
+    peak_memory_mib: float
+
+    def row(self) -> dict[str, Any]:
+        """episode.json: all but the files, and of the summary what figures are made of."""
+        told = {} if self.summary is None else {key: self.summary[key] for key in KEPT if key in self.summary}
+        return {
+            "schema": SCHEMA,
+            "seed": self.seed,
+            "state": self.state,
+            "reason": self.reason,
+            "log": self.log if self.reason else "",
+            "cpu_s": self.cpu_s,
+            "wall_s": self.wall_s,
+            "peak_memory_mib": self.peak_memory_mib,
+            **encode(told),
+        }
+
+
+KEPT = (
+    "outcome", "objects_total", "objects_sorted", "objects_missorted", "missorted_by", "manipulation_trials",
+    "manipulation_errors", "objects", "attempts", "timing", "limits", "faults", "digest", "versions", "device",
+)  # fmt: skip
+"""Fields of a summary that are told of an episode."""
+
+
+_running: set["subprocess.Popen[bytes]"] = set()
+"""Of this process."""
+
+
+def end_episodes() -> None:
+    """Ends what this process has under way."""
+    for process in tuple(_running):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def run_episode(spec: EpisodeSpec, folder: Path | None = None) -> Episode:
+    """Runs it in a process of its own, in a temporary folder, by default the system's, that is gone afterwards."""
+    with tempfile.TemporaryDirectory(dir=folder, prefix=f"{spec.seed}.") as temporary:
+        scenario, run = Path(temporary, "scenario.yaml"), Path(temporary, "run")
+        scenario.write_text(spec.scenario)
+        with Path(temporary, "log.txt").open("w+", errors="replace") as log:
+            command = [sys.executable, "-m", "sum_drake.worker", str(spec.memory_mib), "sort"]
+            command += ["--scenario-file", str(scenario), "--seed", str(spec.seed), "--out", str(run)]
+            with one_thread_each():
+                process = subprocess.Popen(
+                    [*command, "--workers", "1"],
+                    stdin=subprocess.PIPE,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,  # Ctrl-C is for whoever started it.
+                )
+            _running.add(process)
+            try:
+                done = _wait(process, spec.time_limit_s)
+            finally:
+                _running.discard(process)
+            log.seek(0)
+            said = log.read()[-LOG_TAIL:].replace(f"{temporary}{os.sep}", "")
+        return _judge(spec, done, said, run)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Done:
+    status: int
+    """Exit status; less than nothing: the signal that ended it."""
+    timed_out: bool
+    cpu_s: float
+    wall_s: float
+    peak_memory_mib: float
+
+
+def _wait(process: "subprocess.Popen[bytes]", limit: float) -> _Done:
+    """Waits until a process has ended, or ends it."""
+    start, late = time.monotonic(), threading.Event()
+
+    def kill() -> None:
+        late.set()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+
+    timer = threading.Timer(limit, kill)
+    timer.daemon = True
+    timer.start()
+    try:
+        _, status, usage = os.wait4(process.pid, 0)
+    finally:
+        timer.cancel()
+        if process.stdin is not None:
+            process.stdin.close()
+    process.returncode = os.waitstatus_to_exitcode(status)
+    memory = usage.ru_maxrss / 1024  # kibibytes on Linux
+    cpu = usage.ru_utime + usage.ru_stime
+    return _Done(process.returncode, late.is_set(), cpu, time.monotonic() - start, memory)
+
+
+def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
+    files = {path.name: path.read_bytes() for path in sorted(run.iterdir())} if run.is_dir() else {}
+    summary, problem = None, ""
+    try:
+        summary = json.loads(files["summary.json"])
+        validate_summary(summary)
+    except KeyError:
+        problem = "no summary.json"
+    except (ValueError, InputError) as error:
+        summary, problem = None, one_line(error)
+    last = said.strip().splitlines()[-1] if said.strip() else "nothing was said"
+    if done.timed_out:
+        state, reason = "timed_out", f"not done after {spec.time_limit_s:g} s; last: {last}"
+    elif done.status < 0:
+        state, reason = "crashed", f"ended by {signal.Signals(-done.status).name}; last: {last}"
+    elif summary is None:
+        state, reason = "crashed", f"exit status {done.status}, {problem}; last: {last}"
+    elif done.status != 0:
+        state, reason = "failed", str(summary["outcome"])
+    else:
+        state, reason = "ended", ""
+    used = done.cpu_s, done.wall_s, done.peak_memory_mib
+    return Episode(spec.seed, state, reason, summary, files, said, *used)
+
+
+def lost(spec: EpisodeSpec, reason: str) -> Episode:
+    """What is told of an episode that nobody can tell anything of."""
+    return Episode(spec.seed, "lost", reason, None, {}, "", 0.0, 0.0, 0.0)

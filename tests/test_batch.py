@@ -1,0 +1,131 @@
+"""Many runs: each is kept once and whole, whatever is killed, and a run that goes wrong is a result."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sum_drake.cli import main
+from sum_drake.episodes import EpisodeSpec, run_episode
+from sum_drake.summary_schema import validate_summary
+from sum_drake.systems.scenario import dump_scenario, load_scenario
+
+SHORT = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
+RUN_FILES = {"episode.json", "report.html", "run.mcap", "scenario.yaml", "summary.json"}
+
+
+def batch(out, *more, runs=2, text=SHORT):
+    arguments = ["--runs", str(runs), "--first-seed", "5", "--scenario-text", text, "--out", str(out), "--quiet"]
+    return ["batch", *arguments, *more]
+
+
+def told(out):
+    return json.loads((out / "batch.json").read_text())
+
+
+def digests(out):
+    return {row["seed"]: row["digest"] for row in told(out)["episodes"]}
+
+
+def refused(capsys, arguments):
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    out = tmp_path_factory.mktemp("batch") / "out"
+    assert main(batch(out, "--workers", "1")) == 0
+    return out
+
+
+def test_each_run_is_a_folder_and_the_whole_is_told(undisturbed):
+    for seed in ("5", "6"):
+        assert {path.name for path in (undisturbed / seed).iterdir()} == RUN_FILES
+        summary = json.loads((undisturbed / seed / "summary.json").read_text())
+        validate_summary(summary)
+        assert summary["seed"] == int(seed)
+    whole = told(undisturbed)
+    assert (whole["schema"], whole["runs"], whole["done"]) == ("sum-drake/batch/1", 2, 2)
+    assert [row["seed"] for row in whole["episodes"]] == [5, 6]
+    assert len(set(digests(undisturbed).values())) == 2
+    figures = whole["figures"]
+    assert (figures["runs"], figures["objects"], figures["objects_sorted_share"]) == (2, 2, 0)
+    assert 100 < figures["peak_memory_mib_max"] < 4096
+    assert whole["causes"] == {"not believed there": 2}
+
+
+def test_killed_half_way_and_called_again_it_is_the_same_batch(undisturbed, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "sum_drake", *batch(out, "--workers", "2", runs=3)]
+    process = subprocess.Popen(command)
+    while not list(out.glob("*/episode.json")):
+        assert process.poll() is None, "it ended before it was killed"
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    kept = {path.parent.name: path.stat().st_mtime_ns for path in out.glob("*/episode.json")}
+    assert main(batch(out, "--workers", "2", runs=3)) == 0
+    for seed, written in kept.items():
+        assert (out / seed / "episode.json").stat().st_mtime_ns == written, "what was kept is not run again"
+    assert sorted(path.name for path in out.iterdir()) == [".lock", "5", "6", "7", "batch.json"]
+    assert {5: None, 6: None, 7: None}.keys() == digests(out).keys()
+    assert digests(undisturbed).items() <= digests(out).items()
+
+
+def test_a_worker_ends_with_whoever_started_it():
+    """With a batch that is killed, that is: nothing runs on that nobody waits for."""
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "sum_drake.worker", "4096", "sort", "--objects", "5"]
+    process = subprocess.Popen(command, stdin=reading, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(reading)
+    time.sleep(1.0)
+    assert process.poll() is None
+    os.close(writing)
+    assert process.wait(timeout=20.0) == 1
+
+
+@pytest.mark.parametrize(
+    ("limits", "state", "words"),
+    [((1.0, 4096), "timed_out", "not done after 1 s"), ((600.0, 200), "crashed", "exit status")],
+    ids=["time", "memory"],
+)
+def test_what_takes_too_much_is_a_result(limits, state, words, tmp_path):
+    scenario = dump_scenario(load_scenario(text=SHORT, seed=5))
+    episode = run_episode(EpisodeSpec(5, scenario, *limits), tmp_path)
+    assert (episode.state, episode.summary) == (state, None)
+    assert words in episode.reason
+    row = episode.row()
+    assert row["seed"] == 5 and row["reason"] == episode.reason and "digest" not in row
+    assert not list(tmp_path.iterdir()), "nothing is left"
+
+
+def test_a_crash_does_not_end_the_batch(tmp_path):
+    out = tmp_path / "out"
+    assert main(batch(out, "--workers", "2", "--time-limit", "1")) == 0
+    figures = told(out)["figures"]
+    assert (figures["runs"], figures["runs_ended"], figures["hangs"]) == (2, 0, 2)
+    assert (out / "5" / "log.txt").is_file()
+
+
+def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
+    assert "--runs 0: expected at least 1" in refused(capsys, batch(tmp_path / "a", runs=0))
+    assert "--time-limit 0" in refused(capsys, batch(tmp_path / "a", "--time-limit", "0"))
+    line = refused(capsys, batch(undisturbed, "--scenario-text", "{objects: {labels: [mug]}}"))
+    assert "batch.json: is of" in line and "expected a new --out" in line
+    foreign = tmp_path / "foreign"
+    foreign.mkdir()
+    (foreign / "thesis.tex").write_text("precious")
+    assert "holds no batch" in refused(capsys, batch(foreign))
+    broken = tmp_path / "broken"
+    shutil.copytree(undisturbed, broken)
+    (broken / "5" / "episode.json").write_text("{")
+    assert "to run it again" in refused(capsys, batch(broken))
+    (broken / "batch.json").write_text("[]")
+    assert "expected a batch's" in refused(capsys, batch(broken))

@@ -1,0 +1,77 @@
+"""What many runs come to."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sum_drake.batch_figures import batch_figures, causes, losses, share_interval
+
+
+def attempt(label, outcome, reason="executed", taken=None, knocked_off=()):
+    told = {"label": label, "object": taken or label, "outcome": outcome, "reason": reason}
+    return told | {"knocked_off": list(knocked_off)}
+
+
+def run(seed, places, attempts, **more):
+    objects = [{"label": label, "goal": "bin", "place": place} for label, place in places.items()]
+    done = sum(place == "bin" for place in places.values())
+    return {
+        "seed": seed, "state": "ended", "outcome": "cleared", "objects_total": len(places), "objects_sorted": done,
+        "objects_missorted": 0, "manipulation_trials": len(attempts), "manipulation_errors": 0, "objects": objects,
+        "attempts": attempts, "limits": {"violations": {"speed": 1}}, "cpu_s": 100.0, "peak_memory_mib": 700.0,
+        "timing": {
+            "perception_cpu_s": 1.0, "planning_cpu_s": None, "simulation_cpu_s": 3.0, "sim_time_s": 60.0, "wall_s": 9.0,
+        },
+    } | more  # fmt: skip
+
+
+def test_every_lost_object_has_its_cause():
+    rows = [
+        run(1, {"a": "bin", "b": "floor"}, [attempt("a", "sorted"), attempt("b", "dropped", "empty_hand")]),
+        run(2, {"a": "floor", "b": "bin"}, [attempt("b", "sorted", knocked_off=["a"])]),
+        run(3, {"a": "table", "b": "table"}, [attempt("a", "infeasible", "no_path")]),
+        run(4, {"a": "table"}, [], state="failed"),
+        run(5, {"a": "table"}, [attempt("b", "missed", "empty_hand", taken="a")]),
+    ]
+    found = {(loss["seed"], loss["label"]): loss["cause"] for loss in losses(rows)}
+    assert found == {
+        (1, "b"): "dropped: empty_hand",
+        (2, "a"): "knocked off by another's pick",
+        (3, "a"): "not tried: no_path",
+        (3, "b"): "not believed there",
+        (4, "a"): "the run failed",
+        (5, "a"): "missed: empty_hand",
+    }
+    assert sum(causes(rows).values()) == 6
+
+
+def test_shares_costs_and_picks():
+    rows = [run(i, {"a": "bin", "b": "bin"}, [attempt("a", "sorted"), attempt("b", "sorted")]) for i in range(3)]
+    figures = batch_figures(rows)
+    assert figures["objects_sorted_share"] == figures["runs_complete_share"] == 1.0
+    assert figures["trials_per_object"] == 1.0
+    assert figures["picks_per_simulated_hour"] == pytest.approx(120.0)
+    assert figures["limit_violations"] == 3
+    assert figures["planning_cpu_s_median"] is None, "never planned"
+
+
+def test_a_run_whose_process_died_sorted_nothing():
+    died = {"seed": 9, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0}
+    rows = [run(1, {"a": "bin", "b": "bin"}, []), died]
+    figures = batch_figures(rows)
+    assert (figures["objects"], figures["objects_sorted_share"], figures["crashes"]) == (4, 0.5, 1)
+    assert batch_figures([died])["objects_sorted_share"] is None
+
+
+def test_of_nothing_nothing_can_be_told():
+    figures = batch_figures([])
+    assert figures["runs"] == 0 and figures["objects_sorted_share"] is None
+
+
+@given(st.lists(st.integers(0, 5), min_size=2, max_size=40))
+def test_the_interval_holds_the_share_and_depends_on_the_seed_alone(done):
+    total = np.full(len(done), 5.0)
+    low, high = share_interval(np.array(done, float), total)
+    assert 0.0 <= low <= sum(done) / total.sum() + 1e-9 and sum(done) / total.sum() - 1e-9 <= high <= 1.0
+    assert (low, high) == share_interval(np.array(done, float), total)
