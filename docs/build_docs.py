@@ -26,7 +26,8 @@ except ImportError:
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 ORDER = (
-    "index", "getting_started", "concepts", "diagram", "extending", "commands", "formats", "paper", "measured", "limits",
+    "index", "getting_started", "concepts", "diagram", "extending", "commands", "formats", "paper", "measured",
+    "limits",
 )  # fmt: skip
 """Pages in the order of the navigation; others follow by name."""
 
@@ -103,10 +104,7 @@ def dead_links(page: Page, root: Path = ROOT) -> list[str]:
 
 
 def _problem(page: Page, target: str, root: Path) -> str:
-    try:
-        parts = urllib.parse.urlsplit(target)
-    except ValueError as error:
-        return f"{error}; expected a link"
+    parts = urllib.parse.urlsplit(target)
     if parts.scheme or parts.netloc:
         well_formed = parts.scheme in ("http", "https") and re.fullmatch(r"[\w-]+(\.[\w-]+)+(:\d+)?", parts.netloc)
         return "" if well_formed else "no web address; expected https://host/..."
@@ -201,7 +199,7 @@ def _navigation(page: Page, pages: Sequence[Page]) -> str:
     listed = "".join(lines)
     # Twice, of which the style sheet shows one: a folded list cannot be opened by a style sheet.
     return (
-        f'<nav class="beside"><b>sum-drake</b><ul>{listed}</ul></nav>'
+        f'<nav class="beside"><ul>{listed}</ul></nav>'
         f'<nav class="above"><details><summary>sum-drake: pages</summary><ul>{listed}</ul></details></nav>'
     )
 

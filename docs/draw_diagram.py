@@ -1,4 +1,4 @@
-"""Draws the sorting diagram as it is built: docs/diagram.dot, and docs/diagram.svg by Graphviz's `dot` if that is there.
+"""Draws the sorting diagram as it is built: docs/diagram.dot, and docs/diagram.svg by Graphviz's `dot`, if there.
 
     python docs/draw_diagram.py
 
@@ -75,10 +75,12 @@ def dot(diagram: Diagram) -> str:
         table = f'<table border="0" cellborder="1" cellspacing="0" cellpadding="4"><tr>{head}</tr>{cells}</table>'
         lines.append(f'  "{name}" [label=<{table}>];')
     for source, out, target, into in joined:
-        style = ' [color="#b8c0c8"]' if target in ASIDE else ""
-        if target in ORDER and source in ORDER and ORDER.index(target) <= ORDER.index(source):
-            style = " [constraint=false]"
-        lines.append(f'  "{source}":"out {out}":e -> "{target}":"in {into}":w{style};')
+        style = [f'id="{source}/{out}/{target}/{into}"']  # by which the picture tells its connections
+        if target in ASIDE:
+            style.append('color="#b8c0c8"')
+        elif {source, target} <= set(ORDER) and ORDER.index(target) <= ORDER.index(source):
+            style.append("constraint=false")
+        lines.append(f'  "{source}":"out {out}":e -> "{target}":"in {into}":w [{", ".join(style)}];')
     return "\n".join([*lines, "}", ""])
 
 

@@ -1,6 +1,8 @@
 """Writes docs/commands.md from the parsers that `sum-drake` itself uses.
 
     python docs/write_commands.py
+
+To be called again when a command or an argument has changed.
 """
 
 import argparse
@@ -15,8 +17,8 @@ HEAD = """# Commands
 Made from the command line's own parsers by `python docs/write_commands.py`; a test fails where the two differ. Each
 command says the same with `--help`.
 
-Exit codes of all: 0, done; 1, the run itself failed, with the reason on the error output; 2, bad input, in one line that
-says what, where, and what was expected; 130, interrupted. Results go to the standard output, progress to the error
+Exit codes of all: 0, done; 1, the run itself failed, with the reason on the error output; 2, bad input, in one line
+that says what, where, and what was expected; 130, interrupted. Results go to the standard output, progress to the error
 output. A folder of finished results is replaced with `--force` only.
 """
 
@@ -67,7 +69,8 @@ def page() -> str:
     for one, is_command in commands(parser):
         depth = len(one.prog.split()) - len(parser.prog.split())
         text = " ".join((one.description or "").split())
-        parts.append(f"{'#' * (depth + 1)} {one.prog}\n\n{text[:1].upper()}{text[1:]}{'' if text[-1:] == '.' else '.'}\n")
+        text = text[:1].upper() + text[1:].removesuffix(".") + "."
+        parts.append(f"{'#' * (depth + 1)} {one.prog}\n\n{text}\n")
         if is_command:
             parts.append(f"```sh\n{call(one)}\n```\n")
             listed = list(rows(one))
