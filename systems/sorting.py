@@ -186,6 +186,23 @@ DETECTORS = {"ObjectDetector": _object_detector, "SimulatedDetector": _simulated
 """Makes the system that a scenario names as its detector."""
 
 
+def _scene_estimator(
+    scenario: Scenario, catalogue: Catalogue, costs: Costs, pose_estimator: Estimator | None
+) -> SceneEstimator:
+    return SceneEstimator(update_belief=bind_perception(scenario, catalogue, costs, pose_estimator), period=POLL)
+
+
+def _sorting_planner(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> SortingPlanner:
+    decide, retreat, carry_on, shake = bind_task(scenario, catalogue, costs)
+    return SortingPlanner(
+        decide=decide, retreat=retreat, carry_on=carry_on, shake=shake, period=POLL, settle_time=SETTLE
+    )
+
+
+REPLACEABLE = ("object_detector", "data_associator", "scene_estimator", "sorting_planner", "arm_controller")
+"""Parts of the robot's mind for which `make_sorting` takes a system with the same ports: see docs/extending.md."""
+
+
 SEGMENTS = {"slipped": "lift", "dropped": "transport"}
 """Of the faults of the fingers: the segment in which they let go."""
 
@@ -223,14 +240,25 @@ def make_sorting(
     costs: Costs | None = None,
     pose_estimator: Estimator | None = None,
     absent: Sequence[str] = (),
+    replaced: Mapping[str, System] | None = None,
 ) -> Diagram:
     """Station, perception, planner, controller, log and referee in one diagram.
 
     X_WOs: label -> (4, 4) pose of each object on the table. open_log: called once all else has been made, for where the
     log goes; without it there is none. pose_estimator: with the scenario's filter; default: one in this process.
-    absent: of the scenario's faults, `faults.absent_labels`. Raises InputError for a scene or a catalogue that cannot
-    be used.
+    absent: of the scenario's faults, `faults.absent_labels`. replaced: systems that stand in the place of ours, by
+    name, of REPLACEABLE; the ports that ours is connected by are theirs, too. Raises InputError for a scene or a
+    catalogue that cannot be used, ValueError for a name that is not among REPLACEABLE.
     """
+    others = dict(replaced or {})
+    for name in others:
+        if name not in REPLACEABLE:
+            raise ValueError(f"replaced: {name!r}; expected one of {', '.join(REPLACEABLE)}")
+
+    def add(name: str, make: Callable[[], System]) -> System:
+        """Ours is not made where another stands in its place."""
+        return builder.AddNamedSystem(name, others[name] if name in others else make())
+
     costs = Costs() if costs is None else costs
     seed = scenario.random_seed
     builder = DiagramBuilder()
@@ -248,20 +276,11 @@ def make_sorting(
     frames = builder.AddNamedSystem(
         "frame_assembler", FrameAssembler(camera=make_camera(scenario.cameras["head_camera"]))
     )
-    detector = builder.AddNamedSystem(
-        "object_detector", DETECTORS[scenario.detector](scenario, catalogue, station, costs)
-    )
-    associator = builder.AddNamedSystem(
-        "data_associator", DataAssociator(catalogue=catalogue, config=scenario.association)
-    )
-    update = bind_perception(scenario, catalogue, costs, pose_estimator)
-    estimator = builder.AddNamedSystem("scene_estimator", SceneEstimator(update_belief=update, period=POLL))
-    decide, retreat, carry_on, shake = bind_task(scenario, catalogue, costs)
-    planner = builder.AddNamedSystem(
-        "sorting_planner",
-        SortingPlanner(decide=decide, retreat=retreat, carry_on=carry_on, shake=shake, period=POLL, settle_time=SETTLE),
-    )
-    controller = builder.AddNamedSystem("arm_controller", ArmController(step=scenario.plant_config.time_step))
+    detector = add("object_detector", lambda: DETECTORS[scenario.detector](scenario, catalogue, station, costs))
+    associator = add("data_associator", lambda: DataAssociator(catalogue=catalogue, config=scenario.association))
+    estimator = add("scene_estimator", lambda: _scene_estimator(scenario, catalogue, costs, pose_estimator))
+    planner = add("sorting_planner", lambda: _sorting_planner(scenario, catalogue, costs))
+    controller = add("arm_controller", lambda: ArmController(step=scenario.plant_config.time_step))
     plant = station.GetSubsystemByName("plant")
     referee = builder.AddNamedSystem(
         "referee",

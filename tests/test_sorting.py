@@ -22,6 +22,7 @@ from sum_drake.objects import load_catalogue
 from sum_drake.runlog import RunLogWriter
 from sum_drake.summary_schema import validate_summary
 from sum_drake.systems import sorting
+from sum_drake.systems.data_associator import DataAssociator
 from sum_drake.systems.episode import run
 from sum_drake.systems.object_detector import ObjectDetector
 from sum_drake.systems.ports import unpack
@@ -235,6 +236,19 @@ def test_weights_that_cannot_be_used_are_named_before_anything_runs(catalogue, X
         scenario = load_scenario(text=text, catalogue=catalogue)
         with pytest.raises(InputError, match=words):
             make_sorting(scenario, X_WOs, catalogue)
+
+
+def test_what_cannot_be_replaced_is_named(scenario, catalogue, X_WOs):
+    with pytest.raises(ValueError, match="'referee'; expected one of object_detector, "):
+        make_sorting(scenario, X_WOs, catalogue, replaced={"referee": Spy()})
+
+
+def test_a_replaced_part_stands_where_ours_was(scenario, catalogue, X_WOs):
+    own = DataAssociator(catalogue=catalogue, config=scenario.association)
+    diagram = make_sorting(scenario, X_WOs, catalogue, replaced={"data_associator": own})
+    assert diagram.GetSubsystemByName("data_associator") is own
+    assert {system.get_name() for system in diagram.GetSystems()} == SYSTEMS - {"run_log"}
+    test_every_input_is_connected(diagram)
 
 
 class Spy(LeafSystem):
