@@ -27,9 +27,10 @@ ORDER = (
     "station", "frame_assembler", "object_detector", "data_associator", "scene_estimator", "sorting_planner",
     "arm_controller",
 )  # fmt: skip
-"""The loop, from left to right; what leads back does not decide where a system stands."""
+"""The loop, from top to bottom; what leads back does not decide where a system stands."""
 ASIDE = ("run_log", "referee", "executed_state", "executed_effort")
 """What only listens is drawn faintly."""
+TABLE = 'border="0" cellborder="1" cellspacing="0" cellpadding="4"'
 
 
 @contextlib.contextmanager
@@ -61,35 +62,33 @@ def dot(diagram: Diagram) -> str:
     joined = connections(diagram)
     lines = [
         "digraph sorting {",
-        '  graph [rankdir=LR, nodesep=0.25, ranksep=0.9, fontname="Helvetica"];',
+        '  graph [nodesep=0.3, ranksep=0.55, fontname="Helvetica"];',
         '  node [shape=plain, fontname="Helvetica", fontsize=12];',
         '  edge [arrowsize=0.6, color="#44505c"];',
     ]
     for system in sorted(diagram.GetSystems(), key=lambda system: system.get_name()):
         name, kind = system.get_name(), type(system).__name__
-        inputs = sorted({into for _, _, target, into in joined if target == name})
-        outputs = sorted({out for source, out, _, _ in joined if source == name})
+        inputs = _row("in", {into for _, _, target, into in joined if target == name})
+        outputs = _row("out", {out for source, out, _, _ in joined if source == name})
         color = "#eef0f2" if name in ASIDE else "#d8e6fb"
-        cells = "".join(_row(inputs, outputs, i) for i in range(max(len(inputs), len(outputs))))
-        head = f'<td colspan="2" bgcolor="{color}"><b>{name}</b><br/>{html.escape(kind)}</td>'
-        table = f'<table border="0" cellborder="1" cellspacing="0" cellpadding="4"><tr>{head}</tr>{cells}</table>'
-        lines.append(f'  "{name}" [label=<{table}>];')
+        head = f'<tr><td bgcolor="{color}"><b>{name}</b><br/>{html.escape(kind)}</td></tr>'
+        lines.append(f'  "{name}" [label=<<table {TABLE}>{inputs}{head}{outputs}</table>>];')
     for source, out, target, into in joined:
         style = [f'id="{source}/{out}/{target}/{into}"']  # by which the picture tells its connections
         if target in ASIDE:
             style.append('color="#b8c0c8"')
         elif {source, target} <= set(ORDER) and ORDER.index(target) <= ORDER.index(source):
             style.append("constraint=false")
-        lines.append(f'  "{source}":"out {out}":e -> "{target}":"in {into}":w [{", ".join(style)}];')
+        lines.append(f'  "{source}":"out {out}":s -> "{target}":"in {into}":n [{", ".join(style)}];')
     return "\n".join([*lines, "}", ""])
 
 
-def _row(inputs: list[str], outputs: list[str], i: int) -> str:
-    left, right = (ports[i] if i < len(ports) else "" for ports in (inputs, outputs))
-    cells = ""
-    for side, port, align in (("in", left, "left"), ("out", right, "right")):
-        cells += f'<td port="{side} {port}" align="{align}">{port}</td>' if port else '<td border="0"></td>'
-    return f"<tr>{cells}</tr>"
+def _row(side: str, ports: set[str]) -> str:
+    """The ports of one side, beside each other."""
+    if not ports:
+        return ""
+    cells = "".join(f'<td port="{side} {port}">{port}</td>' for port in sorted(ports))
+    return f'<tr><td border="0" cellpadding="0"><table {TABLE}><tr>{cells}</tr></table></td></tr>'
 
 
 def main() -> int:

@@ -1,13 +1,15 @@
 """The pages of docs/: they build, their links lead somewhere, and what they show is what there is."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from sum_drake.cli import main
+from sum_drake.cli import _parser, main
+from sum_drake.systems.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -19,6 +21,18 @@ import draw_diagram  # noqa: E402
 import write_commands  # noqa: E402
 
 SHOWN = re.compile(r"```console checked\n\$ sum-drake ([^\n]*)\n(.*?)```", re.DOTALL)
+TYPED = [
+    (page.name, line)
+    for page in (*sorted(DOCS.glob("*.md")), ROOT / "README.md")
+    for text in [page.read_text()]
+    for line in (
+        re.findall(r"^Example: `(.*)`$", text, re.MULTILINE)
+        if page == write_commands.PAGE  # its other lines have names in the place of values
+        else [line for block in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) for line in block.splitlines()]
+    )
+    if line.startswith("sum-drake ")
+]
+"""Page and line of each call of sum-drake that a page tells to type."""
 CHECKED = [
     (page.name, command, output)
     for page in sorted(DOCS.glob("*.md"))
@@ -140,6 +154,13 @@ def test_output_that_a_page_shows_is_that_of_the_command(page, command, output, 
 
 def test_some_output_is_checked():
     assert CHECKED
+
+
+@pytest.mark.parametrize(("page", "line"), TYPED, ids=lambda value: str(value)[:60])
+def test_what_a_page_tells_to_type_is_a_command(page, line):
+    options = _parser().parse_args(shlex.split(line)[1:])
+    if getattr(options, "scenario_text", None) or getattr(options, "scenario_name", None):
+        load_scenario(None, options.scenario_name, options.scenario_text, objects=options.objects)
 
 
 def test_the_diagram_from_python_sees_what_was_poured(capsys):
