@@ -108,8 +108,8 @@ class ObservationComparison(Immutable):
 def compare(logged: Perception, replayed: Perception, catalogue: Catalogue) -> ObservationComparison:
     """How a record of a log and its replay differ in detections, associations and belief.
 
-    Tracks of one label are paired by where they are, and by their ids among those that are less than a centimetre
-    apart. Raises `objects.UnknownLabel` for a label that the catalogue lacks.
+    Tracks of one label are paired by how near they are, in whole centimetres, and then by their ids. Raises
+    `objects.UnknownLabel` for a label that the catalogue lacks.
     """
     log, now = logged.posterior, replayed.posterior
     paired = _paired(log.tracks, now.tracks)

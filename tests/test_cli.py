@@ -99,6 +99,7 @@ def test_every_command_has_help_with_an_example(capsys):
         ["detect"],
         ["bench", "detect"],
         ["report"],
+        ["replay"],
         ["doctor"],
     ):
         with pytest.raises(SystemExit) as stop:

@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sum_drake.assets import InputError
 from sum_drake.commands.common import (
@@ -20,8 +20,8 @@ from sum_drake.commands.common import (
 )
 
 if TYPE_CHECKING:
-    from sum_drake.faults import FaultConfig
     from sum_drake.objects import Catalogue
+    from sum_drake.replay import ObservationComparison
     from sum_drake.runlog_reader import RunRecord
     from sum_drake.systems.scenario import Scenario
     from sum_drake.types import Perception
@@ -54,6 +54,7 @@ def _replay(options: argparse.Namespace) -> None:
     from sum_drake.jsonio import write_json
     from sum_drake.replay import difference_table, summary, verdict
     from sum_drake.systems.scenario import catalogue_of, load_scenario
+    from sum_drake.yamlio import parse_yaml
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
     check_count("--workers", options.workers)
@@ -67,15 +68,17 @@ def _replay(options: argparse.Namespace) -> None:
     if not run.is_dir():
         what = "a file" if run.exists() else "no such folder"
         raise InputError(f"{run}: {what}; expected the folder of a run, as sum-drake sort writes it")
-    own = load_scenario(run / "scenario.yaml")
     scenario = load_scenario(run / "scenario.yaml", text=options.scenario_text)
+    overrides = parse_yaml(options.scenario_text or "{}", "--scenario-text")
+    if "faults" in overrides:
+        raise InputError("--scenario-text: faults: what went wrong is in the run's log; expected other fields")
     if options.filter is not None:
         scenario.filter = options.filter
     catalogue = catalogue_of(scenario)
-    record = _read(run, own, catalogue)
+    record = _read(run, None if "random_seed" in overrides else scenario.random_seed, catalogue)
     require_rendering()
-    notes = [*_notes(record, scenario, own), *_made_elsewhere(run)]
-    comparisons = _compared(record.perceptions, scenario, own.faults, catalogue, options)
+    notes = [*_notes(record, scenario), *_made_elsewhere(run)]
+    comparisons = _compared(record.perceptions, scenario, catalogue, options)
     for note in notes:
         print(note)
     if options.out is not None:
@@ -98,19 +101,17 @@ def _replay(options: argparse.Namespace) -> None:
     print(said)
 
 
-def _read(run: Path, scenario: "Scenario", catalogue: "Catalogue") -> "RunRecord":
-    """The run's log. Raises InputError for one that holds nothing to replay, or that is not of this scenario."""
+def _read(run: Path, seed: int | None, catalogue: "Catalogue") -> "RunRecord":
+    """The run's log. Raises InputError for one that holds nothing to replay, or that is not of this seed, if any."""
     from sum_drake.runlog_reader import read_what_there_is
 
     path = run / "run.mcap"
     record = read_what_there_is(path)
     if not record.perceptions:
         raise InputError(record.problem or f"{path}: holds no observation; expected at least one")
-    seed = record.metadata.get("seed", str(scenario.random_seed))
-    if seed != str(scenario.random_seed):
-        raise InputError(
-            f"{run}: the log is of seed {seed}, scenario.yaml of {scenario.random_seed}; expected files of one run"
-        )
+    logged = record.metadata.get("seed")
+    if None not in (seed, logged) and logged != str(seed):
+        raise InputError(f"{run}: the log is of seed {logged}, scenario.yaml of {seed}; expected files of one run")
     for perception in record.perceptions:
         named = [label for detection in perception.detections for label, _ in detection.p_labels]
         for label in (*named, *(track.label for track in perception.posterior.tracks)):
@@ -124,11 +125,10 @@ def _read(run: Path, scenario: "Scenario", catalogue: "Catalogue") -> "RunRecord
 def _compared(
     perceptions: "Sequence[Perception]",
     scenario: "Scenario",
-    faults: "Sequence[FaultConfig]",
     catalogue: "Catalogue",
     options: argparse.Namespace,
-) -> "list[Any]":
-    """Each record of the log with its replay. faults: of the run, whatever the scenario's are now."""
+) -> "list[ObservationComparison]":
+    """Each record of the log with its replay."""
     import numpy as np
 
     from sum_drake.association import associate_frame
@@ -145,7 +145,7 @@ def _compared(
     def see(logged: "Perception") -> tuple[Detection, ...]:
         if detect is None:
             return logged.detections
-        false = false_detections(faults, logged.step)
+        false = false_detections(scenario.faults, logged.step)
         injected = logged.detections[len(logged.detections) - false :]
         return (*detect(logged.frame.color, logged.frame.depth), *injected)
 
@@ -171,7 +171,7 @@ def _compared(
     return found
 
 
-def _notes(record: "RunRecord", scenario: "Scenario", own: "Scenario") -> list[str]:
+def _notes(record: "RunRecord", scenario: "Scenario") -> list[str]:
     """What was not done as in a run, a line each."""
     from sum_drake.replay import false_detections
 
@@ -181,7 +181,7 @@ def _notes(record: "RunRecord", scenario: "Scenario", own: "Scenario") -> list[s
     if scenario.detector != "ObjectDetector":
         notes.append(f"detections are taken as recorded: {scenario.detector} needs the simulator")
         return notes
-    injected = [str(one.step) for one in record.perceptions if false_detections(own.faults, one.step)]
+    injected = [str(one.step) for one in record.perceptions if false_detections(scenario.faults, one.step)]
     if injected:
         notes.append(f"false detections, of a fault, are taken as recorded: observations {', '.join(injected)}")
     return notes
