@@ -180,7 +180,8 @@ def _sample(cause: Indices) -> Indices:
         return by_cause
     spread = np.linspace(0, len(by_cause) - 1, DROPPED).round().astype(int)
     firsts = np.unique(cause[by_cause], return_index=True)[1]
-    return by_cause[np.union1d(spread, firsts)]
+    sample: Indices = by_cause[np.union1d(spread, firsts)]
+    return sample
 
 
 def _named(cause: int, nearest: Indices, owners: Sequence[str] | None) -> str:

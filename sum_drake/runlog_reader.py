@@ -69,9 +69,7 @@ def read_what_there_is(path: Path) -> RunRecord:
     if reading.metadata.get("schema") != SCHEMA:
         found = reading.metadata.get("schema", "no such mark")
         if _is_later(found):
-            raise InputError(
-                f"the log {path} is of a later version, {found!r}; expected {SCHEMA!r}, which this one reads"
-            )
+            raise InputError(f"the log {path} is of a later version: {found!r}; expected {SCHEMA!r}")
         raise InputError(f"{path} is no log of a run: its metadata holds {found!r}, expected schema {SCHEMA!r}")
     return reading.result(problem)
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from sum_drake.report import write_report
-from sum_drake.runlog import RunLogWriter
 from sum_drake.runlog_reader import read_what_there_is
 
 PATIENCE = 900.0
