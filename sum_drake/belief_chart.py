@@ -55,7 +55,7 @@ def belief_chart(looks: Sequence[Perception], catalogue: "Catalogue") -> str:
     shown = [lane for lane in lanes(looks) if lane.likeliest >= SHOWN]
     if not shown:
         return ""
-    left = 22 + 7.2 * max(len(lane.label) + len(str(lane.id)) + 2 for lane in shown)
+    left = 46 + 7.6 * max(len(lane.label) + len(str(lane.id)) for lane in shown)
     width, height = left + _COLUMN * len(looks) + 36, _TOP + _ROW * len(shown) + 6
     parts = []
     for i, look in enumerate(looks):

@@ -9,7 +9,7 @@ from sum_drake.drawing import footprint, label_color
 from sum_drake.geometry import apply
 from sum_drake.report_parts import OUTCOME_KINDS
 from sum_drake.run_folder import RunFolder, Tried
-from sum_drake.svg import FAINT, INK, LINE, drawing, titled, words
+from sum_drake.svg import FAINT, INK, LINE, drawing, segment, titled, words
 from sum_drake.types import Array, Region, Track
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SHOWN = 0.05
 """Tracks less probable than that are left out."""
-SCALE = 380.0
+SCALE = 280.0
 """Pixels a metre."""
 _MARGIN = 0.07
 _ROBOT = 0.27
@@ -34,8 +34,7 @@ def from_above(run: RunFolder, catalogue: "Catalogue") -> str:
     if not run.perceptions:
         return ""
     tracks = [track for track in run.perceptions[-1].posterior.tracks if track.probability >= SHOWN]
-    put = [one for one in run.tried() if one.attempt is not None and one.attempt.action is not None]
-    put = [one for one in put if one.attempt is not None and one.attempt.action is not None and _released(one)]
+    put = [one for one in run.tried() if _released(one)]
     regions = run.regions()
     view = _View.of(regions, [track.X_WO for track in tracks] + [_place(one) for one in put])
     # The table first: other regions may lie within it.
@@ -46,7 +45,7 @@ def from_above(run: RunFolder, catalogue: "Catalogue") -> str:
     objects = [] if run.summary is None else run.summary["objects"]
     parts += [_truth(row, view, catalogue) for row in objects if view.holds(row["p_W"])]
     # Figures last, over all that is drawn.
-    parts += [_number(one, view) for one in put]
+    parts += _numbers(put, view)
     return drawing(*view.size, "The table seen from above after the last look", parts)
 
 
@@ -98,7 +97,7 @@ class _View:
 def _robot(view: _View) -> str:
     ((x, y),) = view.pixels([0.0, 0.0])
     disc = f"<circle cx='{x:.1f}' cy='{y:.1f}' r='{SCALE * _ROBOT:.1f}' fill='#f0f2f4' stroke='{LINE}'/>"
-    ahead = f"<path d='M{x - 9:.1f} {y - 60:.1f}l9 -14l9 14z' fill='{FAINT}'/>"
+    ahead = f"<path d='M{x - 9:.1f} {y - 44:.1f}l9 -14l9 14z' fill='{FAINT}'/>"
     return disc + ahead + words(x, y + 4, "robot", anchor="middle", color=FAINT)
 
 
@@ -106,7 +105,7 @@ def _region(region: Region, view: _View) -> str:
     (left, top), (right, bottom) = view.pixels(region.p_W[:2] + np.outer([1, -1], region.half_extents[:2]))
     fill = "#f6efe4" if region.name == "table" else "#e6eef7"
     box = f"<rect x='{left:.1f}' y='{top:.1f}' width='{right - left:.1f}' height='{bottom - top:.1f}' rx='4' "
-    said = words(left + 7, top + 17, region.name.replace("_", " "), color=FAINT)
+    said = words(left + 7, top + 17, region.name, color=FAINT)
     return f"{box}fill='{fill}' stroke='{FAINT}' stroke-opacity='0.5'/>{said}"
 
 
@@ -132,7 +131,7 @@ def _believed(track: Track, view: _View, catalogue: "Catalogue") -> str:
 
 
 def _placed(one: Tried, view: _View, catalogue: "Catalogue") -> str:
-    style = "fill-opacity='0.15' stroke-width='1.2' stroke-dasharray='2 3'"
+    style = "fill-opacity='0.3' stroke-width='1.2' stroke-dasharray='2 3'"
     return titled(_outline(one.row["label"], _place(one), view, catalogue, style), _told(one))
 
 
@@ -141,11 +140,22 @@ def _told(one: Tried) -> str:
     return f"{one.number}: {row['label']} let go over {row['region']}, {row['outcome'] or 'outcome unknown'}"
 
 
-def _number(one: Tried, view: _View) -> str:
-    ((x, y),) = view.pixels(_place(one)[None, :3, 3])
-    edge = _EDGES[OUTCOME_KINDS.get(one.row["outcome"], "bad")]
-    disc = f"<circle cx='{x:.1f}' cy='{y:.1f}' r='10' fill='#fff' stroke='{edge}' stroke-width='2.5'/>"
-    return titled(disc + words(x, y + 4.5, str(one.number), anchor="middle", weight=600, color=INK), _told(one))
+def _numbers(put: Sequence[Tried], view: _View) -> list[str]:
+    """Numbers of attempts where they let go, beside that where another number is in the way."""
+    taken: list[Array] = []
+    parts = []
+    for one in put:
+        (at,) = view.pixels(_place(one)[None, :3, 3])
+        ring = [at + r * np.array([np.cos(a), np.sin(a)]) for r in (21, 42) for a in np.arange(8) * np.pi / 4]
+        free = (p for p in [at, *ring] if all(np.linalg.norm(p - other) > 20 for other in taken))
+        x, y = place = next(free, at)
+        taken.append(place)
+        edge = _EDGES[OUTCOME_KINDS.get(one.row["outcome"], "bad")]
+        lead = segment(at[0], at[1], x, y, edge, width=1.5) if place is not at else ""
+        disc = f"<circle cx='{x:.1f}' cy='{y:.1f}' r='9' fill='#fff' stroke='{edge}' stroke-width='2.5'/>"
+        figure = words(x, y + 4.5, str(one.number), anchor="middle", weight=600, color=INK)
+        parts.append(titled(lead + disc + figure, _told(one)))
+    return parts
 
 
 def _truth(row: Mapping[str, Any], view: _View, catalogue: "Catalogue") -> str:

@@ -109,6 +109,7 @@ h1 + p .chip { white-space: normal; font-size: 15px; }
 .name i { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
 .bar { display: inline-block; height: 11px; margin-right: 8px; background: #5b8def; min-width: 2px; }
 .digest { font: 12px monospace; color: var(--faint); overflow-wrap: anywhere; }
+details { margin: 14px 0; } summary { cursor: pointer; padding: 4px 0; }
 pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(420px, 1fr)); gap: 12px; }
 .gallery figure { margin: 0; } .gallery img { width: 100%; border-radius: 4px; display: block; }
@@ -117,12 +118,13 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 .figure { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 6px; }
 .figure svg { display: block; }
 .scene { display: flex; flex-wrap: wrap; gap: 0 20px; align-items: flex-start; }
-.scene > div { flex: 1 1 440px; min-width: 0; } .scene svg { width: 100%; height: auto; min-width: 330px; }
+.scene > div { flex: 1 1 440px; min-width: 0; max-width: 680px; } .scene svg { width: 100%; height: auto; min-width: 420px; }
 video { width: 100%; height: auto; border-radius: 8px; display: block; background: #23282d; }
 .cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr)); gap: 14px; }
 .attempt { display: flex; flex-wrap: wrap; gap: 8px 14px; margin: 0; align-items: flex-start; }
-.attempt img { flex: 1 1 200px; min-width: 0; width: 100%; max-width: 480px; border-radius: 4px; }
-.attempt > div { flex: 1.3 1 230px; min-width: 0; }
+.attempt img { flex: 1.2 1 230px; min-width: 0; width: 100%; max-width: 480px; border-radius: 4px; }
+.attempt > div { flex: 1 1 200px; min-width: 0; }
+.attempt > .because { flex: 1 1 100%; font-size: 13px; color: var(--faint); } .because p { margin: 2px 0; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 3px 10px; margin: 8px 0 0; font-size: 13.5px; }
 dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 340px), 1fr)); gap: 0 14px; }

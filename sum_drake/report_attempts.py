@@ -42,18 +42,19 @@ def _card(one: Tried, catalogue: "Catalogue") -> str:
         drawn = draw_grasp(one.look, action, catalogue)
         picture = page.picture(drawn, f"The grasp at {row['label']} that was planned after look {row['step']}")
     facts = [
-        ("to", page.text(row["region"].replace("_", " "))),
-        ("robot's account", page.text(_ended(one))),
-        ("why this", page.text(str(row.get("why", "")).replace("_", " "))),
-        ("believed after", page.text(believed(row.get("believed")))),
+        ("to", page.text(row["region"])),
+        ("ended", page.text(_ended(one))),
+        ("believed", page.text(believed(row.get("believed")))),
         ("fingers", page.text(_felt(one))),
         ("slip", millimetres(row["slip_m"])),
-        ("grasps", page.text(_grasps(one))),
     ]
     told = "".join(f"<dt>{words}</dt><dd>{fact}</dd>" for words, fact in facts if fact)
+    reasons = [("Why this", str(row.get("why", ""))), ("Grasps", _grasps(one))]
+    because = "".join(f"<p><b>{words}</b>: {page.text(said)}</p>" for words, said in reasons if said)
     return (
         f'<section class="attempt">{picture}<div><h3>{one.number}. {_object(one, catalogue)} '
-        f"{tried_chip(row['outcome'])} <small>after look {row['step']}</small></h3><dl>{told}</dl></div></section>"
+        f"{tried_chip(row['outcome'])} <small>after look {row['step']}</small></h3><dl>{told}</dl></div>"
+        f'<div class="because">{because}</div></section>'
     )
 
 
@@ -62,10 +63,10 @@ def _table(tried: Sequence[Tried], catalogue: "Catalogue") -> str:
         [
             str(one.row["step"]),
             _object(one, catalogue),
-            page.text(one.row["region"].replace("_", " ")),
+            page.text(one.row["region"]),
             tried_chip(one.row["outcome"]),
             page.text(_ended(one)),
-            page.text(str(one.row.get("why", "")).replace("_", " ")),
+            page.text(one.row.get("why", "")),
             page.text(believed(one.row.get("believed"))),
             page.text(_grasps(one)),
             millimetres(one.row["slip_m"]),

@@ -62,8 +62,10 @@ def _page(a: RunFolder, b: RunFolder) -> str:
         parts += ["<h2>Attempts</h2>", _attempts(a.tried(), b.tried(), own_a, own_b)]
     if a.perceptions or b.perceptions:
         parts += ["<h2>From above, at the end</h2>", _pair(_drawn(from_above(a, own_a)), _drawn(from_above(b, own_b)))]
-        charts = (belief_chart(run.perceptions, own) for run, own in ((a, own_a), (b, own_b)))
-        parts += ["<h2>Belief over time</h2>", _pair(*map(_drawn, charts)), _probabilities(a, b, own_a)]
+        parts.append("<h2>Belief over time</h2>")
+        for of, run, own in (("A", a, own_a), ("B", b, own_b)):
+            parts += [f"<h3>{of}</h3>", _drawn(belief_chart(run.perceptions, own))]
+        parts.append(_probabilities(a, b, own_a))
         parts += ["<h2>Observations</h2>", *_observations(a.perceptions, b.perceptions, own_a, own_b)]
     if a.summary is not None and b.summary is not None:
         parts += ["<h2>Costs</h2>", _costs(a.summary["timing"], b.summary["timing"])]
@@ -132,7 +134,7 @@ def _objects(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
     for label in dict.fromkeys((*places[0], *places[1])):
         in_a, in_b = (place.get(label) for place in places)
         ends = [_place(row) for row in (in_a, in_b)]
-        goals = dict.fromkeys(row["goal"].replace("_", " ") for row in (in_a, in_b) if row is not None)
+        goals = dict.fromkeys(row["goal"] for row in (in_a, in_b) if row is not None)
         differs = (in_a and in_a["place"]) != (in_b and in_b["place"])
         rows.append([name(label, catalogue), page.text(", ".join(goals)), *ends, _mark(differs)])
     heads = ["object", "belongs in", "ended in A", "ended in B", "difference"]
@@ -143,7 +145,7 @@ def _place(row: Mapping[str, Any] | None) -> str:
     if row is None:
         return page.chip("not there", "plain")
     kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
-    return page.chip(row["place"].replace("_", " "), kind)
+    return page.chip(row["place"], kind)
 
 
 def _attempts(in_a: Sequence[Tried], in_b: Sequence[Tried], own_a: "Catalogue", own_b: "Catalogue") -> str:
@@ -161,7 +163,7 @@ def _tried(one: Tried | None, catalogue: "Catalogue") -> str:
     if one is None:
         return page.text("nothing more")
     row = one.row
-    told = page.text(f" to {row['region'].replace('_', ' ')}: {reason(row)} ")
+    told = page.text(f" to {row['region']}: {reason(row)} ")
     return f"{name(row['label'], catalogue)}{told}{tried_chip(row['outcome'])}"
 
 
@@ -189,9 +191,14 @@ def _probabilities(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
             rows.append([str(one.step), name(label, catalogue), *cells, _mark(True, f"{p_b - p_a:+.2f}")])
     if not rows:
         return "<p>No probability differs by 0.1 or more, and both accepted the same.</p>"
-    words = "Labels of which the likeliest track differs by 0.1 or more, or was accepted in one run only."
+    words = (
+        f"{count(len(rows), 'difference')}: labels of which the likeliest track differs by 0.1 or more after the same "
+        "look, or was accepted in one run only"
+    )
     table = page.table(["look", "label", "A", "B", "B against A"], rows)
-    return f'<p class="legend">{words}</p>{table}'
+    # Runs of other objects differ everywhere.
+    shown = " open" if len(rows) <= 12 else ""
+    return f"<details{shown}><summary>{words}</summary>{table}</details>"
 
 
 def _probability(there: bool, p: float, accepted: bool) -> str:

@@ -46,7 +46,7 @@ def _report(options: argparse.Namespace) -> None:
         raise InputError(f"{out}: exists; expected --force to replace it")
     try:
         if len(options.runs) == 2:
-            print(write_comparison(*options.runs, out))
+            print(write_comparison(options.runs[0], options.runs[1], out))
         else:
             progress = functools.partial(Counting(quiet=options.quiet), "rendering the film")
             print(write_report(options.runs[0], out=out, film=not options.no_video, progress=progress))
