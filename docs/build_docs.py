@@ -26,8 +26,8 @@ except ImportError:
 DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 ORDER = (
-    "index", "getting_started", "concepts", "diagram", "extending", "commands", "formats", "paper", "measured",
-    "limits",
+    "index", "getting_started", "concepts", "diagram", "extending", "logging", "batches", "commands", "formats",
+    "paper", "measured", "limits",
 )  # fmt: skip
 """Pages in the order of the navigation; others follow by name."""
 

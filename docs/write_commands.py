@@ -37,7 +37,8 @@ def call(parser: argparse.ArgumentParser) -> str:
     words = [parser.prog]
     for action in parser._actions:
         if not action.option_strings and not isinstance(action, argparse._SubParsersAction):
-            words.append(f"[{name(action)}]" if action.nargs in ("?", "*") else name(action))
+            several = f"{name(action)} ..." if action.nargs in ("+", "*") else name(action)
+            words.append(f"[{several}]" if action.nargs in ("?", "*") else several)
         elif action.option_strings and action.required:
             words.append(f"{action.option_strings[0]} {name(action)}")
     return " ".join(words)
