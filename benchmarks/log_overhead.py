@@ -2,8 +2,9 @@
 
     python benchmarks/log_overhead.py --seed 5 --labels sugar --out benchmarks/results/log_overhead.json
 
-The run is done twice: with a log and without. In the first a second log is written from the same records, without the
-topics that came later (associations, belief, plan, grasps, hand), so that both are timed on the same input.
+The run is done twice: without a log, which also compiles what there is to compile, and with one. There a second log
+is written from the same records, without the topics that came later (associations, belief, plan, grasps, hand), so
+that both are timed on the same input.
 """
 
 import argparse
@@ -31,14 +32,20 @@ class Clock:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self._running: set[str] = set()
 
     @contextmanager
     def of(self, name: str) -> Iterator[None]:
-        """Adds the block's."""
+        """Adds the block's, unless it is within another of its name."""
+        if name in self._running:
+            yield
+            return
+        self._running.add(name)
         start = time.process_time()
         try:
             yield
         finally:
+            self._running.remove(name)
             self.seconds[name] = self.seconds.get(name, 0.0) + time.process_time() - start
 
 
@@ -106,6 +113,10 @@ def timed(clock: Clock) -> type[RunLog]:
             with clock.of("system"):
                 return super()._write_records(context)
 
+        def _write_events(self, context: Context) -> EventStatus:
+            with clock.of("system"):
+                return super()._write_events(context)
+
         def _write_joint_state(self, context: Context) -> EventStatus:
             with clock.of("system"):
                 return super()._write_joint_state(context)
@@ -129,6 +140,8 @@ def main() -> None:
         print(summary["outcome"], summary["digest"], summary["timing"], flush=True)
         return str(summary["digest"])
 
+    with clock.of("run without a log"):
+        silent = run(scenario, catalogue)
     with tempfile.TemporaryDirectory() as folder:
         now, before = options.keep or Path(folder) / "now.mcap", Path(folder) / "before.mcap"
         plain, sorting.RunLog = sorting.RunLog, timed(clock)  # type: ignore[misc]
@@ -136,8 +149,6 @@ def main() -> None:
             logged = run(scenario, catalogue, open_log=lambda: writer)
         sorting.RunLog = plain  # type: ignore[misc]
         sizes = {"log_bytes": now.stat().st_size, "log_bytes_before": before.stat().st_size}
-    with clock.of("run without a log"):
-        silent = run(scenario, catalogue)
     spent = clock.seconds
     system = spent["system"] - spent["before"]
     rest = spent["run"] - spent["system"]
@@ -148,7 +159,7 @@ def main() -> None:
         "log_cpu_s": system,
         "log_cpu_s_before": before_system,
         "run_cpu_s": rest + system,
-        "run_cpu_s_without_log": spent["run without a log"],
+        "first_run_without_log_cpu_s": spent["run without a log"],
         "sim_time_s": logged.sim_time_s,
         **{f"{name}_cpu_s": seconds for name, seconds in spent.items() if name.startswith("write_")},
         **sizes,

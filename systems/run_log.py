@@ -12,6 +12,8 @@ from sum_drake.systems.ports import abstract, unpack
 from sum_drake.types import Array, Attempt, Motion, MotionStatus, Perception
 
 FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
+EVENT_PERIOD = 0.02
+"""How often it is asked how far motions are, seconds."""
 PLANNED = tuple(joint.name for joint in ARM_JOINTS)
 
 
@@ -61,10 +63,13 @@ class RunLog(LeafSystem):
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
         self._outcome = self.DeclareAbstractInputPort("outcome", abstract(""))
         self._motion = self.DeclareAbstractInputPort("motion", abstract())
-        # Every step, before the simulator's monitor may end the run: what came last is in the log, too.
+        # Every step, before the simulator's monitor may end the run: what came last is in the log, too. To ask how far
+        # motions are that often would cost more than all that is written.
         self.DeclarePerStepPublishEvent(self._write_records)
+        self.DeclarePeriodicPublishEvent(EVENT_PERIOD, 0.0, self._write_events)
         self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
         self.DeclareForcedPublishEvent(self._write_records)
+        self.DeclareForcedPublishEvent(self._write_events)
 
     def _write_records(self, context: Context) -> EventStatus:
         perception: Perception | None = unpack(self._perception.Eval(context))
@@ -79,6 +84,9 @@ class RunLog(LeafSystem):
         motion: Motion | None = unpack(self._motion.Eval(context))
         if motion is not None:
             self._writer.write_motion(context.get_time(), motion, PLANNED)
+        return self._write_events(context) if self._outcome.Eval(context) else EventStatus.Succeeded()
+
+    def _write_events(self, context: Context) -> EventStatus:
         for name, detail in self._events(context):
             self._writer.write_change(context.get_time(), name, detail)
         return EventStatus.Succeeded()

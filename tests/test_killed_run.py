@@ -27,7 +27,7 @@ def command(*words: str) -> list[str]:
 def test_a_real_run_that_is_killed_can_be_reported(tmp_path: Path, seed: int) -> None:
     """At a moment that is drawn: so many bytes of log, and a little while into whatever comes then."""
     rng = np.random.default_rng(seed)
-    enough, wait = int(rng.integers(1, 400_000)), float(rng.uniform(0.0, 2.0))
+    enough, wait = int(rng.integers(1, 250_000)), float(rng.uniform(0.0, 5.0))  # a look makes some 300 kB
     log, folder = tmp_path / "run" / "run.mcap", tmp_path / "run"
     text = "{objects: {labels: [sugar]}}"
     sort = command("sort", "--seed", "5", "--scenario-text", text, "--out", str(folder), "--workers", "1", "--quiet")

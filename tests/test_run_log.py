@@ -181,7 +181,7 @@ def test_each_event_once_and_in_order(tmp_path: Path, steps: list[float]) -> Non
         ("observation_asked_for", 1),
         ("segment_begun", 1, "reach"), ("segment_begun", 1, "lift"), ("motion_done", 1),
         ("observation_asked_for", 2),
-        ("segment_begun", 2, "reach"), ("run_ended", "cleared"), ("segment_begun", 2, "lift"),
+        ("run_ended", "cleared"), ("segment_begun", 2, "reach"), ("segment_begun", 2, "lift"),
     ]  # fmt: skip
     times = [event["time"] for event in events]
     assert times == sorted(times)
