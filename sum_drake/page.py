@@ -118,7 +118,8 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 .figure { background: #fff; border: 1px solid var(--line); border-radius: 8px; padding: 6px; }
 .figure svg { display: block; }
 .scene { display: flex; flex-wrap: wrap; gap: 0 20px; align-items: flex-start; }
-.scene > div { flex: 1 1 440px; min-width: 0; max-width: 680px; } .scene svg { width: 100%; height: auto; min-width: 420px; }
+.scene > div { flex: 1 1 440px; min-width: 0; max-width: 680px; }
+.scene svg { width: 100%; height: auto; min-width: 420px; }
 video { width: 100%; height: auto; border-radius: 8px; display: block; background: #23282d; }
 .cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr)); gap: 14px; }
 .attempt { display: flex; flex-wrap: wrap; gap: 8px 14px; margin: 0; align-items: flex-start; }

@@ -190,7 +190,7 @@ def _probabilities(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
             cells = [_probability(label in in_a, p_a, accepted_a), _probability(label in in_b, p_b, accepted_b)]
             rows.append([str(one.step), name(label, catalogue), *cells, _mark(True, f"{p_b - p_a:+.2f}")])
     if not rows:
-        return "<p>No probability differs by 0.1 or more, and both accepted the same.</p>"
+        return "<p>Probabilities agree within 0.1, and both accepted the same.</p>"
     words = (
         f"{count(len(rows), 'difference')}: labels of which the likeliest track differs by 0.1 or more after the same "
         "look, or was accepted in one run only"

@@ -2,12 +2,14 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from detectors import write_untrained
 from pictures import write_cards
+from run_folders import write_run
 from scenes import observe, standing
 
 from sum_drake.assets import MODELS
@@ -82,6 +84,24 @@ def test_report_of_nothing_is_refused(capsys, tmp_path):
     (tmp_path / "report.html").write_text("")
     assert "--force" in refused(capsys, "report", str(tmp_path))
     assert "a file; expected the folder of a run" in refused(capsys, "report", str(tmp_path / "report.html"))
+
+
+def test_a_report_goes_where_it_is_told_and_two_runs_side_by_side(capsys, tmp_path, monkeypatch):
+    catalogue = load_catalogue()
+    one, two = write_run(tmp_path / "one", catalogue), write_run(tmp_path / "two", catalogue)
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", "one", "two"]) == 0
+    assert capsys.readouterr().out == "report_one_two.html\n"
+    assert "--force" in refused(capsys, "report", "one", "two")
+    assert "a third run" in refused(capsys, "report", "one", "two", "one")
+    assert "no such folder" in refused(capsys, "report", "one", "three")
+    assert "cannot be written" in refused(capsys, "report", "one", "--out", str(tmp_path / "none" / "x.html"))
+    assert main(["report", "one", "--no-video", "--out", "x.html"]) == 0
+    assert "<video" not in (tmp_path / "x.html").read_text() and not (one / "report.html").exists()
+    assert main(["report", "two"]) == 0
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == str(Path("two") / "report.html") and "rendering the film: 20 of 20" in err
+    assert "<video" in (two / "report.html").read_text()
 
 
 def test_unknown_commands_exit_with_2(capsys):

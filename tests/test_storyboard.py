@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_folders import REGIONS, X_WG_PICK, X_WO_PLACE, X_WG, executed, write_run
+from run_folders import REGIONS, X_WG, X_WG_PICK, X_WO_PLACE, executed, write_run
 
 from sum_drake.geometry import apply, inverse
 from sum_drake.objects import load_catalogue
