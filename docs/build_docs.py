@@ -177,7 +177,7 @@ def _address(page: Page, target: str, pages: Sequence[Page], out: Path, root: Pa
     if not file.is_file() or not file.is_relative_to(root):
         return "#"
     # Browsers show text of other kinds as a download, if at all.
-    as_is = file.suffix in (".svg", ".png", ".html", ".txt")
+    as_is = file.suffix in (".svg", ".png", ".webp", ".html", ".txt")
     copy = Path("files") / (file.relative_to(root) if as_is else Path(f"{file.relative_to(root)}.txt"))
     (out / copy).parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(file, out / copy)
