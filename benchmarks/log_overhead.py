@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from pydrake.systems.framework import Context, EventStatus
 
@@ -144,10 +145,13 @@ def main() -> None:
         silent = run(scenario, catalogue)
     with tempfile.TemporaryDirectory() as folder:
         now, before = options.keep or Path(folder) / "now.mcap", Path(folder) / "before.mcap"
-        plain, sorting.RunLog = sorting.RunLog, timed(clock)  # type: ignore[misc]
-        with Before(before) as other, Twice(now, other, clock) as writer, clock.of("run"):
+        with (
+            mock.patch.object(sorting, "RunLog", timed(clock)),
+            Before(before) as other,
+            Twice(now, other, clock) as writer,
+            clock.of("run"),
+        ):
             logged = run(scenario, catalogue, open_log=lambda: writer)
-        sorting.RunLog = plain  # type: ignore[misc]
         sizes = {"log_bytes": now.stat().st_size, "log_bytes_before": before.stat().st_size}
     spent = clock.seconds
     system = spent["system"] - spent["before"]

@@ -8,11 +8,12 @@ from sum_drake.assets import InputError
 from sum_drake.commands.common import (
     Commands,
     Counting,
-    add_catalogue,
     add_command,
     add_parallel,
     add_quiet,
+    add_scenario,
     check_count,
+    scenario_of,
 )
 
 if TYPE_CHECKING:
@@ -34,11 +35,7 @@ def add(commands: Commands) -> None:
         "--runs", type=int, required=True, metavar="N", help="how many; a begun batch may be made longer"
     )
     batch.add_argument("--first-seed", type=int, default=0, metavar="S", help="seeds are S, S + 1, ... (default: 0)")
-    batch.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
-    batch.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
-    batch.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
-    batch.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
-    add_catalogue(batch, "the scenario's")
+    add_scenario(batch)
     add_parallel(batch, "--workers", "runs at a time on this machine")
     batch.add_argument("--cluster", metavar="ADDRESS", help="run them on this Dask cluster instead (extra `cluster`)")
     batch.add_argument(
@@ -84,8 +81,6 @@ def prepare(
 def _run(options: argparse.Namespace) -> None:
     from sum_drake.batch import Executor, Processes, check_batch, run_batch
     from sum_drake.doctor import require_rendering
-    from sum_drake.objects import load_catalogue
-    from sum_drake.systems.scenario import load_scenario
 
     check_count("--runs", options.runs)
     check_count("--first-seed", options.first_seed, 0)
@@ -93,14 +88,7 @@ def _run(options: argparse.Namespace) -> None:
     check_count("--memory-limit", options.memory_limit, 512)
     if not options.time_limit > 0:
         raise InputError(f"--time-limit {options.time_limit:g}: expected more than 0 seconds")
-    scenario = load_scenario(
-        options.scenario_file,
-        options.scenario_name,
-        options.scenario_text,
-        seed=options.first_seed,
-        objects=options.objects,
-        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
-    )
+    scenario = scenario_of(options, options.first_seed)
     specs, settings = prepare(
         scenario, options.first_seed, options.runs, time_limit_s=options.time_limit, memory_mib=options.memory_limit
     )

@@ -7,9 +7,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from sum_drake.assets import InputError
+
+if TYPE_CHECKING:
+    from sum_drake.systems.scenario import Scenario
 
 Commands: TypeAlias = "argparse._SubParsersAction[Any]"
 """What `argparse.ArgumentParser.add_subparsers` returns."""
@@ -42,6 +45,30 @@ def add_group(commands: Commands, name: str, text: str, what: str, example: str)
 def add_catalogue(parser: argparse.ArgumentParser, default: str = "the package's fifteen") -> None:
     """--catalogue."""
     parser.add_argument("--catalogue", type=Path, metavar="FILE", help=f"objects (default: {default})")
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """--scenario-file, --scenario-name, --scenario-text, --objects and --catalogue: see `scenario_of`."""
+    parser.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
+    parser.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
+    parser.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
+    parser.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
+    add_catalogue(parser, "the scenario's")
+
+
+def scenario_of(options: argparse.Namespace, seed: int | None) -> "Scenario":
+    """The scenario that `add_scenario`'s options ask for, with a seed, or its own. Raises InputError."""
+    from sum_drake.objects import load_catalogue
+    from sum_drake.systems.scenario import load_scenario
+
+    return load_scenario(
+        options.scenario_file,
+        options.scenario_name,
+        options.scenario_text,
+        seed=seed,
+        objects=options.objects,
+        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
+    )
 
 
 def add_quiet(parser: argparse.ArgumentParser) -> None:

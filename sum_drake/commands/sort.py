@@ -10,13 +10,14 @@ from pathlib import Path
 
 from sum_drake.commands.common import (
     Commands,
-    add_catalogue,
     add_command,
     add_parallel,
     add_quiet,
+    add_scenario,
     check_count,
     check_free,
     check_writable,
+    scenario_of,
 )
 from sum_drake.files import write_whole
 
@@ -31,12 +32,8 @@ def add(commands: Commands) -> None:
         " objects left on the table, too: the last line printed, outcome in summary.json and report.html tell how many"
         " were sorted and why it stopped. 1: the run failed; 2: bad input."
     )
-    sort.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
-    sort.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
-    sort.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
+    add_scenario(sort)
     sort.add_argument("--seed", type=int, metavar="S", help="seed of the run (default: the scenario's random_seed)")
-    sort.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
-    add_catalogue(sort, "the scenario's")
     sort.add_argument("--graphviz", type=Path, metavar="FILE", help="write the diagram in Graphviz's format, too")
     sort.add_argument("--out", type=Path, metavar="DIR", help="run folder (default: runs/SEED)")
     sort.add_argument("--force", action="store_true", help="replace the run that is in the folder")
@@ -49,23 +46,15 @@ def _run(options: argparse.Namespace) -> None:
 
     from sum_drake.doctor import device, require_rendering, versions
     from sum_drake.jsonio import write_json
-    from sum_drake.objects import load_catalogue
     from sum_drake.report import write_report
     from sum_drake.runlog import RunLogWriter
     from sum_drake.systems.episode import run
-    from sum_drake.systems.scenario import catalogue_of, dump_scenario, load_scenario
+    from sum_drake.systems.scenario import catalogue_of, dump_scenario
     from sum_drake.systems.verdict import score
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # pydrake has set it on import
     check_count("--workers", options.workers)
-    scenario = load_scenario(
-        options.scenario_file,
-        options.scenario_name,
-        options.scenario_text,
-        seed=options.seed,
-        objects=options.objects,
-        catalogue=None if options.catalogue is None else load_catalogue(options.catalogue),
-    )
+    scenario = scenario_of(options, options.seed)
     catalogue = catalogue_of(scenario)
     out = options.out if options.out is not None else Path("runs") / str(scenario.random_seed)
     check_free(out, RUN_FILES, force=options.force)
