@@ -29,8 +29,9 @@ RIGID = PROPERTIES.format("""
             <drake:rigid_hydroelastic/>""")
 POINT = PROPERTIES.format("""
             <drake:hunt_crossley_dissipation>5</drake:hunt_crossley_dissipation>""")
-"""Of what things fall on fast: in one step they would get so deep into hydroelastic contact that its pressure, which is
-not implicit near an object's sides, threw them off: a tea box at 15 m/s, a sponge to infinity."""
+"""Of the floor, on which things fall fast: in one step they would get so deep into hydroelastic contact that its
+pressure, which is not implicit near an object's sides, threw them off: a tea box at 15 m/s, a sponge to infinity. Not
+of bins: a thin thing that falls flat may sink into what is felt by points, and must not be lost there."""
 
 
 def triple(values: Vector) -> str:
@@ -59,9 +60,9 @@ def box(size: Vector) -> str:
     return f"<box><size>{triple(size)}</size></box>"
 
 
-def solid(name: str, center: Vector, size: Vector, color: Vector) -> str:
-    """A box that is seen, and felt by what falls on it."""
-    return visual(name, center, box(size), color) + collision(name, center, size, POINT)
+def solid(name: str, center: Vector, size: Vector, color: Vector, properties: str = RIGID) -> str:
+    """A box that is seen and felt."""
+    return visual(name, center, box(size), color) + collision(name, center, size, properties)
 
 
 def model(name: str, parts: str) -> str:
@@ -151,7 +152,7 @@ def wood(pixels: int = 512) -> NDArray[np.uint8]:
 
 def build(folder: Path) -> None:
     """Writes every file of the scene but the directives into `folder`."""
-    floor = solid("floor", (0, 0, -0.10), (6.0, 6.0, 0.20), (0.58, 0.60, 0.62))
+    floor = solid("floor", (0, 0, -0.10), (6.0, 6.0, 0.20), (0.58, 0.60, 0.62), POINT)
     files = {
         "floor.sdf": model("floor", floor),
         "table.sdf": model("table", table_parts()),
