@@ -110,13 +110,9 @@ def timed(clock: Clock) -> type[RunLog]:
     """The log system with a clock on everything it does."""
 
     class TimedRunLog(RunLog):
-        def _write_records(self, context: Context) -> EventStatus:
+        def _write(self, context: Context) -> EventStatus:
             with clock.of("system"):
-                return super()._write_records(context)
-
-        def _write_events(self, context: Context) -> EventStatus:
-            with clock.of("system"):
-                return super()._write_events(context)
+                return super()._write(context)
 
         def _write_joint_state(self, context: Context) -> EventStatus:
             with clock.of("system"):

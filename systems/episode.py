@@ -122,17 +122,29 @@ def _run(
     watch = _Watch(diagram, objects, progress, hand)
     simulator.set_monitor(watch)
     error: BaseException | None = None
-    with costs.of("all"):
-        try:
-            simulator.Initialize()
+
+    def simulate() -> None:
+        simulator.Initialize()
+        simulator.AdvanceTo(scenario.simulation_duration)
+        while watch.hand_is_due:
+            hand.act(len(watch.perceptions) - 1, root)
+            watch.hand_is_due = False
             simulator.AdvanceTo(scenario.simulation_duration)
-            while watch.hand_is_due:
-                hand.act(len(watch.perceptions) - 1, root)
-                watch.hand_is_due = False
-                simulator.AdvanceTo(scenario.simulation_duration)
-        except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
-            error = failure
-            watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
+
+    def end_log() -> None:
+        if diagram.HasSubsystemNamed("run_log"):
+            log = diagram.GetSubsystemByName("run_log")
+            log.ForcedPublish(log.GetMyContextFromRoot(root))
+
+    with costs.of("all"):
+        # The log is ended whatever happened, and what went wrong first is what is told.
+        for step in (simulate, end_log):
+            try:
+                step()
+            except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
+                if error is None:
+                    error = failure
+                    watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
     planner = diagram.GetSubsystemByName("sorting_planner")
     unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
     seconds = dict(costs.seconds)

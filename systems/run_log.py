@@ -12,8 +12,8 @@ from sum_drake.systems.ports import abstract, unpack
 from sum_drake.types import Array, Attempt, Motion, MotionStatus, Perception
 
 FETCH_STATE = tuple(joint.name for joint in STATE_JOINTS)
-EVENT_PERIOD = 0.02
-"""How often it is asked how far motions are, seconds."""
+PERIOD = 0.02
+"""How often the inputs are looked at, seconds: to ask a port costs more than to write what is new on it."""
 PLANNED = tuple(joint.name for joint in ARM_JOINTS)
 
 
@@ -39,7 +39,8 @@ class RunLog(LeafSystem):
     reason in words. `motion` holds the motion planned last, or None.
 
     Only publish events: nothing in the context changes, and what has been written is known by the writer, so a record
-    that stays on its port, a forced publish or a context that is replayed write nothing twice.
+    that stays on its port, a forced publish or a context that is replayed write nothing twice. Whoever ends a
+    simulation asks for a forced publish, lest what came since the last look is missing.
     """
 
     def __init__(
@@ -63,15 +64,18 @@ class RunLog(LeafSystem):
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
         self._outcome = self.DeclareAbstractInputPort("outcome", abstract(""))
         self._motion = self.DeclareAbstractInputPort("motion", abstract())
-        # Every step, before the simulator's monitor may end the run: what came last is in the log, too. To ask how far
-        # motions are that often would cost more than all that is written.
-        self.DeclarePerStepPublishEvent(self._write_records)
-        self.DeclarePeriodicPublishEvent(EVENT_PERIOD, 0.0, self._write_events)
+        self.DeclarePeriodicPublishEvent(PERIOD, 0.0, self._write)
         self.DeclarePeriodicPublishEvent(joint_period, 0.0, self._write_joint_state)
-        self.DeclareForcedPublishEvent(self._write_records)
-        self.DeclareForcedPublishEvent(self._write_events)
+        # Of a simulation that ends between two looks: what came last is in the log, too.
+        self.DeclareForcedPublishEvent(self._write)
 
-    def _write_records(self, context: Context) -> EventStatus:
+    def _write(self, context: Context) -> EventStatus:
+        self._write_records(context)
+        for name, detail in self._events(context):
+            self._writer.write_change(context.get_time(), name, detail)
+        return EventStatus.Succeeded()
+
+    def _write_records(self, context: Context) -> None:
         perception: Perception | None = unpack(self._perception.Eval(context))
         if perception is not None and perception.step > self._writer.last_step:
             self._writer.write_perception(perception)
@@ -84,12 +88,6 @@ class RunLog(LeafSystem):
         motion: Motion | None = unpack(self._motion.Eval(context))
         if motion is not None:
             self._writer.write_motion(context.get_time(), motion, PLANNED)
-        return self._write_events(context) if self._outcome.Eval(context) else EventStatus.Succeeded()
-
-    def _write_events(self, context: Context) -> EventStatus:
-        for name, detail in self._events(context):
-            self._writer.write_change(context.get_time(), name, detail)
-        return EventStatus.Succeeded()
 
     def _events(self, context: Context) -> Iterator[tuple[str, Mapping[str, Any]]]:
         """What the inputs say happened last, by name."""

@@ -3,6 +3,8 @@
 import pytest
 
 from sum_drake.objects import load_catalogue
+from sum_drake.runlog import RunLogWriter
+from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
 from sum_drake.systems.episode import run
 from sum_drake.systems.scenario import load_scenario
@@ -39,3 +41,15 @@ def test_what_goes_wrong_in_a_run_ends_it_with_its_record(catalogue, monkeypatch
     assert episode.outcome == "stopped: failed: FloatingPointError: the estimator broke"
     assert isinstance(episode.error, FloatingPointError)
     validate_summary(score(episode, scenario, catalogue, versions={}, device="cpu"))
+
+
+def test_what_came_after_the_logs_last_look_is_in_the_log(catalogue, monkeypatch, tmp_path):
+    monkeypatch.setattr("sum_drake.systems.run_log.PERIOD", 1000.0)
+    scenario = load_scenario(
+        text="{objects: {labels: [soup_can]}, simulation_duration: 3.0}", seed=4, catalogue=catalogue
+    )
+    with RunLogWriter(tmp_path / "run.mcap") as writer:
+        episode = run(scenario, catalogue, open_log=lambda: writer)
+    record = read_run_log(tmp_path / "run.mcap")
+    assert [perception.step for perception in record.perceptions] == [0]
+    assert len(episode.perceptions) == 1 and len(record.motions) == 1
