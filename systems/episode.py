@@ -141,10 +141,16 @@ def _run(
         for step in (simulate, end_log):
             try:
                 step()
-            except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
-                if error is None:
-                    error = failure
-                    watch.outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
+            except (
+                Exception,
+                SystemExit,
+                KeyboardInterrupt,
+            ) as failure:  # Drake's failed assertions come as SystemExit
+                error = error or failure
+    if isinstance(error, KeyboardInterrupt):
+        raise error
+    if error is not None:
+        watch.outcome = f"stopped: failed: {type(error).__name__}: {one_line(error)}"
     planner = diagram.GetSubsystemByName("sorting_planner")
     unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
     seconds = dict(costs.seconds)

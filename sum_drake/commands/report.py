@@ -1,4 +1,4 @@
-"""`sum-drake report`: a run's report, written again; or two runs side by side."""
+"""`sum-drake report`: a run's report, written again; a batch's; or two of either side by side."""
 
 import argparse
 import functools
@@ -11,9 +11,11 @@ from sum_drake.commands.common import Commands, Counting, add_command, add_quiet
 
 def add(commands: Commands) -> None:
     """Declares the command."""
-    text = "write a run's HTML report again, with a film; of two runs, one that sets them side by side"
+    text = "write the HTML report of a run (again, with a film) or a batch; of two, one that sets them side by side"
     report = add_command(commands, "report", _report, text, "report runs/3 --force")
-    report.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folder; two are compared")
+    report.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN", help="folder of a run or a batch; two are compared"
+    )
     report.add_argument(
         "--out",
         type=Path,
@@ -26,6 +28,7 @@ def add(commands: Commands) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from sum_drake.batch_report import is_batch, write_batch_report
     from sum_drake.report import write_report
     from sum_drake.report_compare import write_comparison
 
@@ -35,6 +38,10 @@ def _report(options: argparse.Namespace) -> None:
         if not run.is_dir():
             what = "a file" if run.exists() else "no such folder"
             raise InputError(f"{run}: {what}; expected the folder of a run, as sum-drake sort writes it")
+    batches = [run for run in options.runs if is_batch(run)]
+    if len(options.runs) == 2 and len(batches) == 1:
+        (run,) = set(options.runs) - set(batches)
+        raise InputError(f"{run}: not a batch, as {batches[0]} is; expected two runs, or two batches")
     if options.out is not None:
         out = options.out
     elif len(options.runs) == 2:
@@ -45,7 +52,9 @@ def _report(options: argparse.Namespace) -> None:
     if out.exists() and not options.force:
         raise InputError(f"{out}: exists; expected --force to replace it")
     try:
-        if len(options.runs) == 2:
+        if batches:
+            print(write_batch_report(batches, out))
+        elif len(options.runs) == 2:
             print(write_comparison(options.runs[0], options.runs[1], out))
         else:
             progress = functools.partial(Counting(quiet=options.quiet), "rendering the film")

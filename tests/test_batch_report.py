@@ -1,0 +1,118 @@
+"""Pages about batches."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_report import Page
+
+from sum_drake.assets import InputError
+from sum_drake.batch_figures import batch_figures, causes, losses
+from sum_drake.batch_report import paired_difference, read_batch, write_batch_report
+from sum_drake.cli import main
+from sum_drake.jsonio import write_json
+
+
+def row(seed: int, done: int, *, total: int = 5) -> dict[str, Any]:
+    objects = [
+        {"label": f"thing{i}", "goal": "bin", "place": "bin" if i < done else "floor", "p_W": [0, 0, 0]}
+        for i in range(total)
+    ]
+    attempts = [
+        {"label": one["label"], "object": one["label"], "knocked_off": [], "reason": "empty_hand"}
+        | {"outcome": "sorted" if one["place"] == "bin" else "dropped"}
+        for one in objects
+    ]
+    return {
+        "seed": seed, "state": "ended", "reason": "", "outcome": "cleared", "objects_total": total,
+        "objects_sorted": done, "objects_missorted": 0, "manipulation_trials": total, "manipulation_errors": 0,
+        "objects": objects, "attempts": attempts, "limits": {"violations": {"speed": 0}}, "cpu_s": 100.0 + seed,
+        "wall_s": 100.0, "peak_memory_mib": 700.0, "digest": f"{seed}-{done}",
+        "timing": {"perception_cpu_s": 1.0, "planning_cpu_s": 2.0, "simulation_cpu_s": 3.0, "sim_time_s": 60.0},
+    }  # fmt: skip
+
+
+def write_batch(folder: Path, rows: list[dict[str, Any]], **more: Any) -> Path:
+    folder.mkdir()
+    data = {
+        "schema": "sum-drake/batch/1", "settings": {"first_seed": 0, "code": "a", "scenario": "b"}, "seeds": [0, 9],
+        "runs": len(rows), "done": len(rows), "figures": batch_figures(rows), "causes": causes(rows),
+        "losses": losses(rows), "episodes": rows, "versions": {"drake": "1.51.1"}, "device": "a machine",
+    }  # fmt: skip
+    write_json(folder / "batch.json", data | more)
+    return folder
+
+
+def words_of(*folders: Path) -> str:
+    text = write_batch_report(folders, folders[0].parent / "page.html").read_text()
+    assert "http" not in text and "<script" not in text
+    return Page(text).words
+
+
+def test_a_batch_tells_what_was_sorted_and_what_was_lost(tmp_path: Path) -> None:
+    crashed = {"seed": 2, "state": "crashed", "reason": "killed by signal 9", "cpu_s": 3.0, "peak_memory_mib": 10.0}
+    words = words_of(write_batch(tmp_path / "a", [row(0, 5), row(1, 4), crashed]))
+    for part in ("Batch a", "3 runs, seeds 0 to 9", "5 of 5", "4 of 5", "thing4 (1)", "dropped: empty_hand", "crashed"):
+        assert part in words, part
+    assert "killed by signal 9" in words and "0.6" in words, "a run that died sorted none of its five"
+
+
+def test_equal_batches_are_said_to_be_equal(tmp_path: Path) -> None:
+    a, b = (write_batch(tmp_path / name, [row(0, 5), row(1, 4)]) for name in "ab")
+    words = words_of(a, b)
+    assert "All 2 runs of the same seeds are the same to the last bit" in words
+    assert "The same program, objects and scenario." in words
+
+
+def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
+    a = write_batch(tmp_path / "a", [row(i, 4) for i in range(8)])
+    b = write_batch(tmp_path / "b", [row(i, 5) for i in range(7)] + [row(11, 0)], settings={"code": "c"})
+    told = paired_difference(read_batch(a), read_batch(b))
+    assert told is not None and told[0] == 7
+    assert told[1:] == pytest.approx((0.2, 0.2, 0.2)), "every pour by one of five: no doubt about it"
+    words = words_of(a, b)
+    assert "B sorted +0.200 of the objects against A" in words and ": more than chance would give." in words
+    assert "not there" in words and "+1" in words, "seeds 7 and 11 are in one of them alone"
+    assert "another version of the program" in words
+
+
+def test_without_a_seed_in_common_nothing_is_paired(tmp_path: Path) -> None:
+    a, b = write_batch(tmp_path / "a", [row(0, 5)]), write_batch(tmp_path / "b", [row(1, 4)])
+    assert paired_difference(read_batch(a), read_batch(b)) is None
+    assert "no seed in common" in words_of(a, b)
+
+
+def test_a_batch_that_has_just_begun_has_a_page(tmp_path: Path) -> None:
+    assert "None is done." in words_of(write_batch(tmp_path / "a", [], runs=4))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "expected what sum-drake batch writes"),
+        ("[]", "expected 'sum-drake/batch/1'"),
+        ('{"schema": "sum-drake/batch/9"}', "'sum-drake/batch/9'; expected 'sum-drake/batch/1'"),
+        ('{"schema": "sum-drake/batch/1"}', "has no settings"),
+    ],
+)
+def test_what_is_no_batch_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "batch.json").write_text(text)
+    with pytest.raises(InputError, match=r"batch\.json") as refused:
+        read_batch(tmp_path)
+    assert said in str(refused.value)
+
+
+def test_the_command_tells_batches_from_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = (write_batch(tmp_path / name, [row(0, 5), row(1, 4)]) for name in "ab")
+    out = tmp_path / "both.html"
+    assert main(["report", str(a), str(b), "--out", str(out)]) == 0 and out.exists()
+    (a / "1").mkdir()
+    (a / "1" / "report.html").write_text("<p>A run.</p>")
+    assert main(["report", str(a)]) == 0
+    page = (a / "report.html").read_text()
+    assert 'href="1/report.html"' in page and 'href="0/report.html"' not in page, "one leads to the runs that are there"
+    (tmp_path / "run").mkdir()
+    assert main(["report", str(a), str(tmp_path / "run"), "--out", str(tmp_path / "no.html")]) == 2
+    assert "not a batch" in capsys.readouterr().err
+    assert json.loads((a / "batch.json").read_text())["runs"] == 2
