@@ -128,7 +128,9 @@ class _Reading:
         elif isinstance(record, Channel):
             self._topics[record.id] = record.topic
         elif isinstance(record, Message) and self.metadata.get("schema") == SCHEMA:
-            topic = self._topics[record.channel_id]
+            topic = self._topics.get(record.channel_id)
+            if topic is None:
+                raise _Damage(f"holds a message on channel {record.channel_id}, which it does not declare")
             try:
                 self._take_message(topic, record.log_time * 1e-9, record.data)
             except (ValueError, TypeError, KeyError, IndexError, struct.error) as error:

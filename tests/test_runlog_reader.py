@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from test_runlog import hand, make_attempt, make_candidates, make_perception, write
 
 from sum_drake.assets import InputError
@@ -122,3 +123,14 @@ def test_grasps_that_cannot_be_decoded_are_one_line(tmp_path: Path, said: dict[s
     problem = read_what_there_is(tmp_path / "bad.mcap").problem
     assert problem is not None and "holds a message on /grasps that cannot be decoded" in problem
     assert "\n" not in problem
+
+
+def test_a_message_on_a_channel_that_was_never_declared_is_one_line(tmp_path: Path) -> None:
+    with (tmp_path / "bad.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata("sum-drake", {"schema": SCHEMA})
+        writer.add_message(channel_id=7, log_time=0, data=b"{}", publish_time=0)
+        writer.finish()
+    problem = read_what_there_is(tmp_path / "bad.mcap").problem
+    assert problem is not None and "holds a message on channel 7, which it does not declare" in problem
