@@ -143,7 +143,9 @@ dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; }
 @media print {
   body { background: #fff; font-size: 11pt; } main { max-width: none; padding: 0; }
   section, .figures div, tr, .figure, video { break-inside: avoid; } * { print-color-adjust: exact; }
-  h2, h3, .legend { break-after: avoid; } .scroll { overflow: visible; }
+  h2, h3, .legend { break-after: avoid; } .scroll { overflow: visible; } section { padding: 10px; margin: 10px 0; }
+  .pictures { flex-wrap: nowrap; } .pictures img:first-child, .pictures img:last-child { flex-basis: 0; }
+  h2 { margin-top: 22px; } table { font-size: 9.5pt; }
   .figure svg { max-width: 100%; height: auto; } .scene { display: block; } .scene > div { max-width: 560px; }
 }
 """
