@@ -97,15 +97,31 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
         if out.is_dir() and any(path.name not in (WORK, ".lock") for path in out.iterdir()):
             raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
         return
-    try:
-        begun = json.loads(file.read_text())
-        if begun["schema"] != SCHEMA:
-            raise InputError(f"{file}: schema {begun['schema']!r}; expected {SCHEMA!r}")
-        other = different(begun["settings"], settings)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{file}: {one_line(error)}; expected a batch's, or a new --out") from None
+    other = different(read_batch(out)["settings"], settings)
     if other:
         raise InputError(f"{file}: is of {other}; expected a new --out")
+
+
+PARTS = {
+    "settings": dict, "seeds": list, "runs": int, "done": int, "figures": dict, "causes": dict, "losses": list,
+    "episodes": list, "versions": dict, "device": str,
+}  # fmt: skip
+"""Of batch.json, beside its schema."""
+
+
+def read_batch(folder: Path) -> dict[str, Any]:
+    """batch.json of a folder. Raises InputError for one that cannot be read, is newer, or is not a batch's."""
+    file = folder / "batch.json"
+    try:
+        data = json.loads(file.read_text())
+        if data["schema"] != SCHEMA:
+            raise InputError(f"{file}: schema {data['schema']!r}; expected {SCHEMA!r}")
+        for part, kind in PARTS.items():
+            if not isinstance(data[part], kind):
+                raise TypeError(f"{part} is a {type(data[part]).__name__}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
+    return dict(data)
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:

@@ -1,6 +1,5 @@
 """A batch, or two side by side, as one HTML page that opens without a network."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from sum_drake import page
-from sum_drake.assets import InputError
-from sum_drake.batch import SCHEMA
+from sum_drake.batch import read_batch
 from sum_drake.batch_figures import share_interval
 from sum_drake.bench.resumed import different
 from sum_drake.files import write_whole
 from sum_drake.report_parts import seconds
 
-PARTS = ("settings", "seeds", "runs", "done", "figures", "causes", "losses", "episodes", "versions", "device")
 Batch = Mapping[str, Any]
 """What batch.json holds."""
+Row = Mapping[str, Any]
+"""What it holds of one run."""
 
 
 def is_batch(folder: Path) -> bool:
@@ -25,64 +24,47 @@ def is_batch(folder: Path) -> bool:
     return (folder / "batch.json").is_file()
 
 
-def read_batch(folder: Path) -> Batch:
-    """batch.json of a folder. Raises InputError for one that is missing, unreadable, newer or not a batch's."""
-    file = folder / "batch.json"
-    try:
-        data = json.loads(file.read_text())
-    except FileNotFoundError:
-        raise InputError(
-            f"{file}: no such file; expected the folder of a batch, as sum-drake batch writes it"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: {error}; expected what sum-drake batch writes") from None
-    schema = data.get("schema") if isinstance(data, dict) else None
-    if schema != SCHEMA:
-        raise InputError(f"{file}: schema {schema!r}; expected '{SCHEMA}'")
-    missing = [part for part in PARTS if part not in data]
-    if missing:
-        raise InputError(f"{file}: has no {missing[0]}; expected what sum-drake batch writes")
-    return dict(data)
-
-
 def write_batch_report(folders: Sequence[Path], out: Path) -> Path:
     """Writes a page about one batch, or about two; returns its path. Raises InputError as `read_batch` does."""
     batches = [read_batch(folder) for folder in folders]
     names = [folder.resolve().name for folder in folders]
     if len(batches) == 1:
-        write_whole(
-            out, _one(names[0], batches[0], folders[0] if out.resolve().parent == folders[0].resolve() else None)
-        )
+        within = out.resolve().parent == folders[0].resolve()
+        write_whole(out, _one(names[0], batches[0], folders[0] if within else None))
     else:
         write_whole(out, _two(names, batches[0], batches[1]))
     return out
 
 
 def paired_difference(a: Batch, b: Batch, seed: int = 0) -> tuple[int, float, float, float] | None:
-    """How much more of its objects B sorted than A in runs of the same seeds, and the 95 % interval of that share.
+    """How much more of the objects B sorted than A in runs of the same seeds, and the 95 % interval of that share.
 
-    By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels.
-    None without two such runs. Returns how many there are, the difference, the interval's ends; NaN for an interval of
-    runs that have no object.
+    By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels. A
+    run whose process died sorted none of what the other run of its seed was about. None without two such runs that
+    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends.
     """
-    pairs = [(x, y) for x, y in _pairs(a, b) if x is not None and y is not None and x.get("objects_total")]
-    if len(pairs) < 2:
+    total, gain = [], []
+    for _, x, y in _pairs(a, b):
+        if x is not None and y is not None and (objects := x.get("objects_total") or y.get("objects_total")):
+            total.append(float(objects))
+            gain.append(float(y.get("objects_sorted", 0) - x.get("objects_sorted", 0)))
+    if len(total) < 2:
         return None
-    total = np.array([x["objects_total"] for x, _ in pairs], float)
-    gain = np.array([y.get("objects_sorted", 0) - x.get("objects_sorted", 0) for x, y in pairs], float)
-    return (len(pairs), float(gain.sum() / total.sum()), *share_interval(gain, total, seed))
+    low, high = share_interval(np.array(gain), np.array(total), seed)
+    return len(total), sum(gain) / sum(total), low, high
 
 
-def _pairs(a: Batch, b: Batch) -> list[tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]]:
-    rows = [{row["seed"]: row for row in batch["episodes"]} for batch in (a, b)]
-    return [(rows[0].get(seed), rows[1].get(seed)) for seed in sorted(rows[0].keys() | rows[1].keys())]
+def _pairs(a: Batch, b: Batch) -> list[tuple[int, Row | None, Row | None]]:
+    """Seed, A's run, B's run."""
+    in_a, in_b = ({row["seed"]: row for row in batch["episodes"]} for batch in (a, b))
+    return [(seed, in_a.get(seed), in_b.get(seed)) for seed in sorted(in_a.keys() | in_b.keys())]
 
 
 def _one(name: str, batch: Batch, folder: Path | None) -> str:
     """folder: the batch's, if the page goes there and can lead to what is in it."""
 
-    def seed(row: Mapping[str, Any]) -> str:
-        told = _seed(row)
+    def seed(row: Row) -> str:
+        told = page.text(str(row["seed"]))
         there = folder is not None and (folder / told / "report.html").is_file()
         return f'<a href="{told}/report.html">{told}</a>' if there else told
 
@@ -138,19 +120,23 @@ def _head(batch: Batch) -> str:
 def _tiles(batch: Batch) -> str:
     figures = batch["figures"]
     low, high = figures.get("objects_sorted_low95"), figures.get("objects_sorted_high95")
-    interval = "" if low is None else f", {low:.3f} to {high:.3f}"
+    interval = "" if low is None or high is None else f", {low:.3f} to {high:.3f}"
+
+    def figure(name: str) -> str:
+        return _number(figures.get(name))
+
     return page.tiles(
         [
-            (f"of {figures['objects']:.0f} objects sorted{interval}", _number(figures["objects_sorted_share"])),
-            ("missorted", _number(figures["missorted"])),
-            ("trials an object", _number(figures["trials_per_object"])),
-            ("CPU a run, median", seconds(figures["cpu_s_per_run_median"])),
+            (f"of {_number(figures.get('objects'))} objects sorted{interval}", figure("objects_sorted_share")),
+            ("missorted", figure("missorted")),
+            ("trials an object", figure("trials_per_object")),
+            ("CPU a run, median", seconds(figures.get("cpu_s_per_run_median"))),
         ]
     )
 
 
 def _verdict(a: Batch, b: Batch) -> str:
-    both = [(x, y) for x, y in _pairs(a, b) if x is not None and y is not None]
+    both = [(x, y) for _, x, y in _pairs(a, b) if x is not None and y is not None]
     if not both:
         return "They have no seed in common: how they compare is told by their intervals alone."
     same = sum(x.get("digest") is not None and x.get("digest") == y.get("digest") for x, y in both)
@@ -158,10 +144,10 @@ def _verdict(a: Batch, b: Batch) -> str:
         return f"All {len(both)} runs of the same seeds are the same to the last bit: their digests are equal."
     words = f"{same} of {len(both)} runs of the same seeds are the same to the last bit."
     told = paired_difference(a, b)
-    if told is None or np.isnan(told[2]):
+    if told is None:
         return words
     runs, gain, low, high = told
-    sure = "more than chance would give" if low > 0 or high < 0 else "no more than chance would give"
+    sure = "more than chance would give" if low > 0 or high < 0 else "chance may have given it"
     return (
         f"{words} Over the {runs} runs, B sorted {gain:+.3f} of the objects against A ({low:+.3f} to {high:+.3f} in"
         f" 95 % of bootstrap draws over pairs): {sure}."
@@ -170,7 +156,7 @@ def _verdict(a: Batch, b: Batch) -> str:
 
 def _settings(a: Batch, b: Batch) -> str:
     first, second = ({k: v for k, v in batch["settings"].items() if k != "first_seed"} for batch in (a, b))
-    differs = different(first, second).replace("scenario ", "scenarios ")
+    differs = different(first, second)
     return f"A against B: {differs}." if differs else "The same program, objects and scenario."
 
 
@@ -200,23 +186,18 @@ def _losses(batches: Sequence[Batch]) -> str:
 
 def _differing(a: Batch, b: Batch) -> str:
     rows = []
-    for x, y in _pairs(a, b):
-        if x is None or y is None or x.get("digest") != y.get("digest") or x["state"] != y["state"]:
-            row = x if x is not None else y
-            assert row is not None  # a seed comes from one of the two
-            ends = [_run(one)[0] if one is not None else page.chip("not there", "plain") for one in (x, y)]
-            gain = 0 if x is None or y is None else y.get("objects_sorted", 0) - x.get("objects_sorted", 0)
-            mark = page.chip(f"{gain:+d}", "good" if gain > 0 else "bad") if gain else ""
-            rows.append([_seed(row), *ends, mark, *(_reason(one) if one is not None else "" for one in (x, y))])
+    for seed, x, y in _pairs(a, b):
+        if x is not None and y is not None and x.get("digest") == y.get("digest") and x["state"] == y["state"]:
+            continue
+        ends = [page.chip("not there", "plain") if one is None else _run(one)[0] for one in (x, y)]
+        gain = 0 if x is None or y is None else y.get("objects_sorted", 0) - x.get("objects_sorted", 0)
+        mark = page.chip(f"{gain:+d}", "good" if gain > 0 else "bad") if gain else ""
+        rows.append([str(seed), *ends, mark, *("" if one is None else _reason(one) for one in (x, y))])
     heads = ["seed", "sorted in A", "in B", "B against A", "A ended", "B ended"]
     return page.table(heads, rows) if rows else "<p>None.</p>"
 
 
-def _seed(row: Mapping[str, Any]) -> str:
-    return str(row["seed"])
-
-
-def _run(row: Mapping[str, Any]) -> tuple[str, str, str]:
+def _run(row: Row) -> tuple[str, str, str]:
     """What was sorted, trials, CPU seconds."""
     if "objects_total" not in row:
         return page.chip(row["state"].replace("_", " "), "bad"), "", seconds(row["cpu_s"])
@@ -225,7 +206,7 @@ def _run(row: Mapping[str, Any]) -> tuple[str, str, str]:
     return page.chip(words, "good" if whole else "poor"), str(row["manipulation_trials"]), seconds(row["cpu_s"])
 
 
-def _reason(row: Mapping[str, Any]) -> str:
+def _reason(row: Row) -> str:
     return page.text(str(row.get("reason") or row.get("outcome") or row["state"]))
 
 

@@ -10,6 +10,9 @@ from typing import Any, Self
 from sum_drake.assets import InputError, one_line
 from sum_drake.encoders import Encoder
 
+_NOTHING = object()
+"""What the last value of a topic is before its first."""
+
 
 class McapLog:
     """Writes Foxglove messages and JSON objects; a context manager. Log times are seconds since the start of the run.
@@ -80,7 +83,7 @@ class McapLog:
         Whether it was written. name: of what it is a value, for messages that tell, such as poses. Raises InputError
         for a value that the encoder cannot take, or that has another schema than those before it.
         """
-        last_time, last_key = self._last.get(topic, (-math.inf, None))
+        last_time, last_key = self._last.get(topic, (-math.inf, _NOTHING))
         if time < last_time:
             return False
         try:
@@ -88,7 +91,7 @@ class McapLog:
             if key == last_key:
                 return False
             schema, data = _payload(encoder.encode(value, time, name))
-        except (TypeError, ValueError) as error:
+        except Exception as error:  # an encoder is somebody's own, and may raise anything
             raise InputError(
                 f"port {name}: its {type(value).__name__} cannot be encoded ({one_line(error)})"
             ) from error

@@ -20,8 +20,8 @@ What a person looks at is written in Foxglove's schemas, what a program needs to
     /event                    sum_drake.Event            JSON
 
 Colour and depth are lossless, so that perception can be run again on them. Log times are simulation time. The writer
-puts whole chunks into the file, one after every record, so what a killed process leaves can be read up to its last
-record by any reader that goes through a file from its start.
+puts whole chunks into the file, one after every record but joints and hand, which go with the next: what a killed
+process leaves can be read up to its last chunk by any reader that goes through a file from its start.
 """
 
 import dataclasses

@@ -137,15 +137,12 @@ def _run(
             log.ForcedPublish(log.GetMyContextFromRoot(root))
 
     with costs.of("all"):
-        # The log is ended whatever happened, and what went wrong first is what is told.
+        # The log is ended whatever happened, and what went wrong first is what is told. Drake's failed assertions come
+        # as SystemExit.
         for step in (simulate, end_log):
             try:
                 step()
-            except (
-                Exception,
-                SystemExit,
-                KeyboardInterrupt,
-            ) as failure:  # Drake's failed assertions come as SystemExit
+            except (Exception, SystemExit, KeyboardInterrupt) as failure:
                 error = error or failure
     if isinstance(error, KeyboardInterrupt):
         raise error

@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from refusals import refused
 
 from sum_drake.cli import main
 from sum_drake.episodes import EpisodeSpec, run_episode
@@ -30,12 +31,6 @@ def told(out):
 
 def digests(out):
     return {row["seed"]: row["digest"] for row in told(out)["episodes"]}
-
-
-def refused(capsys, arguments):
-    assert main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    return line
 
 
 @pytest.fixture(scope="module")
@@ -115,17 +110,17 @@ def test_a_crash_does_not_end_the_batch(tmp_path):
 
 
 def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
-    assert "--runs 0: expected at least 1" in refused(capsys, batch(tmp_path / "a", runs=0))
-    assert "--time-limit 0" in refused(capsys, batch(tmp_path / "a", "--time-limit", "0"))
-    line = refused(capsys, batch(undisturbed, "--scenario-text", "{objects: {labels: [mug]}}"))
+    assert "--runs 0: expected at least 1" in refused(capsys, *batch(tmp_path / "a", runs=0))
+    assert "--time-limit 0" in refused(capsys, *batch(tmp_path / "a", "--time-limit", "0"))
+    line = refused(capsys, *batch(undisturbed, "--scenario-text", "{objects: {labels: [mug]}}"))
     assert "batch.json: is of" in line and "expected a new --out" in line
     foreign = tmp_path / "foreign"
     foreign.mkdir()
     (foreign / "thesis.tex").write_text("precious")
-    assert "holds no batch" in refused(capsys, batch(foreign))
+    assert "holds no batch" in refused(capsys, *batch(foreign))
     broken = tmp_path / "broken"
     shutil.copytree(undisturbed, broken)
     (broken / "5" / "episode.json").write_text("{")
-    assert "to run it again" in refused(capsys, batch(broken))
+    assert "to run it again" in refused(capsys, *batch(broken))
     (broken / "batch.json").write_text("[]")
-    assert "expected a batch's" in refused(capsys, batch(broken))
+    assert "expected a batch's" in refused(capsys, *batch(broken))

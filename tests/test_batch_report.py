@@ -8,8 +8,9 @@ import pytest
 from test_report import Page
 
 from sum_drake.assets import InputError
+from sum_drake.batch import read_batch
 from sum_drake.batch_figures import batch_figures, causes, losses
-from sum_drake.batch_report import paired_difference, read_batch, write_batch_report
+from sum_drake.batch_report import paired_difference, write_batch_report
 from sum_drake.cli import main
 from sum_drake.jsonio import write_json
 
@@ -77,6 +78,16 @@ def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
     assert "another version of the program" in words
 
 
+def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
+    """Whose crash it is must not favour anybody."""
+    died = {"seed": 1, "state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0}
+    whole = read_batch(write_batch(tmp_path / "a", [row(0, 5), row(1, 5)]))
+    half = read_batch(write_batch(tmp_path / "b", [row(0, 5), died]))
+    there, back = paired_difference(whole, half), paired_difference(half, whole)
+    assert there is not None and back is not None
+    assert there[:2] == (2, -0.5) and back[:2] == (2, 0.5)
+
+
 def test_without_a_seed_in_common_nothing_is_paired(tmp_path: Path) -> None:
     a, b = write_batch(tmp_path / "a", [row(0, 5)]), write_batch(tmp_path / "b", [row(1, 4)])
     assert paired_difference(read_batch(a), read_batch(b)) is None
@@ -90,10 +101,11 @@ def test_a_batch_that_has_just_begun_has_a_page(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "expected what sum-drake batch writes"),
-        ("[]", "expected 'sum-drake/batch/1'"),
+        ("{", "expected a batch's"),
+        ("[]", "expected a batch's"),
         ('{"schema": "sum-drake/batch/9"}', "'sum-drake/batch/9'; expected 'sum-drake/batch/1'"),
-        ('{"schema": "sum-drake/batch/1"}', "has no settings"),
+        ('{"schema": "sum-drake/batch/1"}', "settings"),
+        ('{"schema": "sum-drake/batch/1", "settings": 3}', "settings is a int"),
     ],
 )
 def test_what_is_no_batch_is_refused(tmp_path: Path, text: str, said: str) -> None:

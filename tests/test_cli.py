@@ -1,38 +1,23 @@
 import json
+import shlex
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
-from detectors import write_untrained
-from pictures import write_cards
+from refusals import refused
 from run_folders import write_run
-from scenes import observe, standing
 
 from sum_drake.assets import MODELS
 from sum_drake.cli import main
 from sum_drake.commands.common import Counting
 from sum_drake.commands.sort import RUN_FILES
-from sum_drake.detection.weights import load_weights
 from sum_drake.objects import load_catalogue
 from sum_drake.runlog_reader import read_run_log
 from sum_drake.summary_schema import validate_summary
 
 ONE_EASY_OBJECT = "{objects: {labels: [soup_can]}}"
-
-
-def refused(capsys, *arguments):
-    """The one line on stderr of a call that must be refused as bad input."""
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    lines = err.splitlines()
-    assert len(lines) == 1, err
-    assert lines[0].startswith("sum-drake: ")
-    return lines[0]
 
 
 @pytest.mark.parametrize(
@@ -102,6 +87,27 @@ def test_a_report_goes_where_it_is_told_and_two_runs_side_by_side(capsys, tmp_pa
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == str(Path("two") / "report.html") and "rendering the film: 20 of 20" in err
     assert "<video" in (two / "report.html").read_text()
+
+
+@pytest.mark.parametrize("more", [[], ["--force"], ["--force", "--out", "page.html"]])
+def test_what_an_interrupted_report_suggests_does_what_was_asked_for(capsys, tmp_path, monkeypatch, more):
+    monkeypatch.chdir(tmp_path)
+    write_run(tmp_path / "run", load_catalogue())
+    (tmp_path / "run" / "report.html").unlink(missing_ok=True)
+    if more:
+        (tmp_path / more[-1] if "--out" in more else tmp_path / "run" / "report.html").write_text("what was there")
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("sum_drake.report.write_report", interrupted)
+        assert main(["report", "run", *more]) == 130
+    (line,) = capsys.readouterr().err.splitlines()
+    command = shlex.split(line.split("it is quick: ")[1])
+    assert command[0] == "sum-drake" and "--no-video" in command
+    assert main(command[1:]) == 0
+    assert "<html" in Path(capsys.readouterr().out.strip()).read_text()
 
 
 def test_unknown_commands_exit_with_2(capsys):
@@ -259,132 +265,6 @@ def test_a_run_and_its_resolved_scenario_in_another_process_are_the_same(tmp_pat
     assert len(log.perceptions) == len(one["observations"])
     assert "<html" in (out_1 / "report.html").read_text()
     assert "sorting_planner" in dot.read_text()
-
-
-@pytest.fixture
-def weights(tmp_path):
-    return write_untrained(tmp_path / "w.safetensors", load_catalogue().labels, threshold=0.0)
-
-
-@pytest.fixture
-def photo(tmp_path):
-    """A picture of another size than the camera's."""
-    file = tmp_path / "photo.png"
-    cv2.imwrite(str(file), np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8))
-    return file
-
-
-def test_detections_in_a_picture_are_written_drawn_and_told(capsys, tmp_path, weights, photo):
-    out = tmp_path / "found"
-    cv2.imwrite(str(tmp_path / "depth.png"), np.full((200, 300), 900, np.uint16))
-    depth = str(tmp_path / "depth.png")
-    with_edges = ("--proposer", "edge_boxes", "--depth", depth)
-    assert main(["detect", str(photo), *with_edges, "--weights", str(weights), "--out", str(out)]) == 0
-    told = capsys.readouterr().out.splitlines()
-    found = json.loads((out / "detections.json").read_text())
-    assert len(found) == len(told) - 2 > 0, "one line each, between a head and the picture's name"
-    for row in found:
-        x, y, w, h = row["box"]
-        assert row["label"] in load_catalogue().labels
-        assert 0 <= row["score"] <= row["p_box"] <= 1
-        assert x >= 0 and y >= 0 and x + w <= 300 and y + h <= 200
-    assert cv2.imread(str(out / "detections.png")).shape == (200, 300, 3)
-    assert "--force" in refused(capsys, "detect", str(photo), "--weights", str(weights), "--out", str(out))
-    least = ("--threshold", "0.99", "--depth", depth)
-    assert main(["detect", str(photo), *least, "--weights", str(weights), "--out", str(out), "--force"]) == 0
-    assert "learned proposer does not use it" in capsys.readouterr().err
-    assert json.loads((out / "detections.json").read_text()) == []
-
-
-def test_what_cannot_be_detected_in_or_with_is_refused_and_leaves_nothing(capsys, tmp_path, weights, photo):
-    out = ("--out", str(tmp_path / "found"))
-    depth = tmp_path / "depth.png"
-    cv2.imwrite(str(depth), np.zeros((100, 300), np.uint16))
-    assert "300 x 200" in refused(capsys, "detect", str(photo), "--proposer", "edge_boxes", "--depth", str(depth), *out)
-    assert "--depth as well" in refused(capsys, "detect", str(photo), "--depth-scale", "0.01", *out)
-    assert "--threshold nan" in refused(capsys, "detect", str(photo), "--threshold", "nan", *out)
-    assert "a folder" in refused(capsys, "detect", str(photo), "--weights", str(tmp_path), *out)
-    assert "w.safetensors: is no picture" in refused(capsys, "detect", str(weights), *out)
-    assert "safetensors" in refused(capsys, "detect", str(photo), "--weights", str(photo), *out)
-    assert "nowhere.png" in refused(capsys, "detect", "nowhere.png", *out)
-    assert "proposer 'luck'" in refused(capsys, "detect", str(photo), "--proposer", "luck", *out)
-    assert not (tmp_path / "found").exists()
-
-
-def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
-    catalogue = load_catalogue()
-    frame, boxes = observe(catalogue, {"soup_can": standing(catalogue, "soup_can", 0.55, 0.0)})
-    folder = tmp_path / "frame"
-    folder.mkdir()
-    cv2.imwrite(str(folder / "color.png"), frame.color[..., ::-1])
-    cv2.imwrite(str(folder / "depth.png"), np.round(frame.depth * 1e4).astype(np.uint16))
-    (folder / "camera.json").write_text(json.dumps(vars(frame.camera) | {"depth_scale": 1e-4}))
-    rows = [{"label": label, "box": boxes["soup_can"], "score": 0.9} for label in ("soup_can", "unicorn")]
-    (folder / "detections.json").write_text(json.dumps(rows))
-    out = tmp_path / "out"
-    estimate = ("estimate", str(folder), "--out", str(out), "--workers", "1", "--quiet")
-    assert main(estimate) == 0
-    told = capsys.readouterr().out.splitlines()
-    assert told[1].startswith("soup_can") and "no 'unicorn'" in told[2]
-    found = json.loads((out / "estimates.json").read_text())
-    assert found["schema"] == "sum-drake/estimates/1"
-    can, unicorn = found["estimates"]
-    keys = {
-        "label",
-        "box",
-        "X_CO",
-        "probability",
-        "accepted",
-        "score",
-        "translation_std_m",
-        "rotation_std_rad",
-        "effective_sample_size",
-        "mode_entropy_nats",
-        "modes",
-        "message",
-    }
-    assert can.keys() == unicorn.keys() == keys
-    assert can["accepted"] and can["probability"] > 0.9 and unicorn["probability"] == 0
-    assert found["timing"].keys() == {"start_s", "cpu_s", "wall_s"}
-    assert cv2.imread(str(out / "overlay.png")) is not None
-    assert "--force" in refused(capsys, *estimate)
-    for boxes_of_nothing in ([], rows[1:], [rows[0] | {"box": [9e5, 0, 10, 10]}]):
-        (folder / "detections.json").write_text(json.dumps(boxes_of_nothing))
-        assert main([*estimate[:-1], "--force"]) == 0
-        found = json.loads((out / "estimates.json").read_text())["estimates"]
-        assert [one["probability"] for one in found] == [0.0] * len(boxes_of_nothing)
-    capsys.readouterr()
-    assert "--device abacus" in refused(capsys, *estimate, "--force", "--device", "abacus")
-    (folder / "detections.json").unlink()
-    own = tmp_path / "own.yaml"
-    own.write_text(f"objects: {{teapot: {{mesh: {catalogue['mug'].mesh}, category: tools}}}}")
-    line = refused(capsys, *estimate, "--force", "--catalogue", str(own))
-    assert "no detections.json" in line and "knows no 'teapot'" in line
-
-
-def test_a_training_is_followed_drawn_and_told(capsys, tmp_path):
-    cards = write_cards(tmp_path / "cards", {"train": 8, "validation": 2})
-    train = ("train", "--out", str(tmp_path / "out"), "--start", "random")
-    assert main([*train, "--data", str(cards), "--epochs", "1", "--threads", "1"]) == 0
-    out, err = capsys.readouterr()
-    assert out.strip() == str(tmp_path / "out" / "detector.safetensors")
-    told = err.splitlines()
-    assert told[0].startswith("before the first step, on validation: map50 0.0")
-    assert told[1].startswith("epoch 1 of 1, on validation: map50 ")
-    card = (tmp_path / "out" / "detector.md").read_text()
-    assert "trained on 8 pictures, 16 crops of objects" in card
-    assert load_weights(tmp_path / "out" / "detector.safetensors").labels == ("red", "green")
-    assert "another recipe" in refused(capsys, *train, "--data", str(cards), "--epochs", "2")
-    assert "labels of its own" in refused(capsys, *train, "--data", str(cards), "--catalogue", "own.yaml")
-    assert "--data is missing" in refused(capsys, "train", "--out", str(tmp_path / "out"))
-
-
-def test_a_bench_of_nothing_is_refused(capsys, tmp_path, weights):
-    bench = ("bench", "detect", "--out", str(tmp_path / "bench"), "--weights", str(weights))
-    assert "no data set" in refused(capsys, *bench, "--data", str(tmp_path))
-    assert "--workers 0" in refused(capsys, *bench, "--workers", "0", "--data", str(tmp_path))
-    assert "--device abacus" in refused(capsys, *bench, "--device", "abacus")
-    assert not (tmp_path / "bench").exists()
 
 
 def test_counting_tells_the_time_left_now_and_then(capsys, monkeypatch):

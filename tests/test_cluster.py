@@ -7,7 +7,8 @@ import sys
 import time
 
 import pytest
-from test_batch import SHORT, batch, digests, refused
+from refusals import refused
+from test_batch import SHORT, batch, digests
 
 from sum_drake.cli import main
 
@@ -54,5 +55,5 @@ def test_a_lost_worker_loses_no_episode_and_changes_none(scheduler, tmp_path):
 
 
 def test_where_nobody_answers_it_is_said(tmp_path, capsys):
-    line = refused(capsys, batch(tmp_path / "out", "--cluster", "tcp://127.0.0.1:9", text=SHORT))
+    line = refused(capsys, *batch(tmp_path / "out", "--cluster", "tcp://127.0.0.1:9", text=SHORT))
     assert "--cluster tcp://127.0.0.1:9" in line and "expected a Dask scheduler" in line

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from mcap.writer import Writer
 from test_runlog import hand, make_attempt, make_candidates, make_perception, write
 
@@ -12,7 +14,7 @@ from sum_drake.assets import InputError
 from sum_drake.encoders import Encoder
 from sum_drake.jsonio import encode
 from sum_drake.mcap_log import McapLog
-from sum_drake.runlog import SCHEMA
+from sum_drake.runlog import SCHEMA, RunLogWriter
 from sum_drake.runlog_reader import read_run_log, read_what_there_is
 
 
@@ -134,3 +136,32 @@ def test_a_message_on_a_channel_that_was_never_declared_is_one_line(tmp_path: Pa
         writer.finish()
     problem = read_what_there_is(tmp_path / "bad.mcap").problem
     assert problem is not None and "holds a message on channel 7, which it does not declare" in problem
+
+
+def test_events_that_are_no_objects_and_joints_that_change_are_one_line(tmp_path: Path) -> None:
+    with McapLog(tmp_path / "event.mcap", metadata={"schema": SCHEMA}) as log:
+        log.json_channel("/event", {"title": "sum_drake.Event"}).log(b"[1, 2]", log_time=0)
+    assert "message on /event that cannot be decoded" in str(read_what_there_is(tmp_path / "event.mcap").problem)
+    with RunLogWriter(tmp_path / "joints.mcap") as writer:
+        writer.write_joint_state(0.0, ("shoulder", "elbow"), np.zeros(2))
+        writer.write_joint_state(1.0, ("shoulder",), np.zeros(1))
+    record = read_what_there_is(tmp_path / "joints.mcap")
+    assert "message on /joint_states that cannot be decoded" in str(record.problem)
+    assert record.joint_names == ("shoulder", "elbow") and record.joint_times.shape == (1,), "what came before is there"
+
+
+@given(st.integers(0, 10**6), st.integers(1, 255))
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_flipped_byte_is_read_past_or_told(tmp_path: Path, at: int, flip: int) -> None:
+    """A log of ours in which one byte is another: never anything but a record, and a line about what is wrong."""
+    whole = tmp_path / "whole.mcap"
+    if not whole.exists():
+        write(whole)
+    data = bytearray(whole.read_bytes())
+    data[at % len(data)] ^= flip
+    (tmp_path / "flipped.mcap").write_bytes(data)
+    try:
+        problem = read_what_there_is(tmp_path / "flipped.mcap").problem
+    except InputError as refused:
+        problem = str(refused)
+    assert problem is None or "\n" not in problem

@@ -60,7 +60,10 @@ def digest(files: Sequence[Path]) -> str:
 
 def different(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
-    words = {"code": "another version of the program", "meshes": "other meshes", "models": "other models"}
+    words = {
+        "code": "another version of the program", "meshes": "other meshes", "models": "other models",
+        "scenario": "another scenario",
+    }  # fmt: skip
     keys = [key for key in settings if begun.get(key) != settings[key]]
     return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
 

@@ -61,5 +61,8 @@ def _report(options: argparse.Namespace) -> None:
             print(write_report(options.runs[0], out=out, film=not options.no_video, progress=progress))
     except KeyboardInterrupt:
         kept = "the report that was there is as it was" if out.exists() else "nothing was written"
-        again = shlex.join(["sum-drake", "report", *map(str, options.runs), "--no-video"])
-        raise KeyboardInterrupt(f"{kept}; without the film it is quick: {again}") from None
+        film = not batches and len(options.runs) == 1
+        again = ["sum-drake", "report", *map(str, options.runs), *(["--no-video"] if film else [])]
+        again += [*(["--out", str(out)] if options.out is not None else []), *(["--force"] if options.force else [])]
+        how = "without the film it is quick" if film else "again"
+        raise KeyboardInterrupt(f"{kept}; {how}: {shlex.join(again)}") from None
