@@ -1,6 +1,8 @@
-"""Writes benchmarks/README.md and benchmarks/plots/*.svg from benchmarks/results/*.json: no figure is typed by hand.
+"""Writes README.md and plots/*.svg here, and the results in the project's README, from results/*.json.
 
     python benchmarks/tables.py
+
+No figure is typed by hand.
 
 Run it whenever a result is committed; a test fails where it was forgotten.
 """
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake.bench import detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
-from sum_drake.bench.aims import Aims, aim
+from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.plots import Series, line_plot
 from sum_drake.reliability import reliability
 
@@ -58,8 +60,71 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.4g}"
+def _number(value: float | None, digits: int = 4) -> str:
+    return "unknown" if value is None else number(value, digits)
+
+
+HEADLINES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+    "sort": (
+        ("runs of five poured objects, each with a seed that nothing was mended on", ("runs",)),
+        ("objects sorted; the 95 % interval, by bootstrap over runs, is from, to",
+         ("objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95")),
+        ("objects in the wrong bin", ("missorted",)),
+        ("trials an object sorted (the paper: 43 for 38)", ("trials_per_object",)),
+        ("CPU seconds a run, median", ("cpu_s_per_run_median",)),
+        ("runs of ten objects; objects sorted", ("runs_10", "objects_sorted_share_10")),
+        ("the paper's eight sequences: objects sorted of 40 (the paper: 38), trials (the paper: 43)",
+         ("sequences_objects_sorted", "sequences_trials")),
+    ),
+    "detect": (
+        ("detector: mAP@.5; under lights, textures and a shading it never saw", ("map50", "map50_shift")),
+        ("likeliest label right on true boxes; there", ("top1_on_true_boxes", "top1_on_true_boxes_shift")),
+    ),
+    "pose": (
+        ("poses within 2 cm and 20 degrees: ours, the paper's filter, FPFH with ICP",
+         ("default.within_2cm_20deg", "paper.within_2cm_20deg", "fpfh_icp.within_2cm_20deg")),
+        ("CPU seconds a pose: the same three",
+         ("default.cpu_s_per_object", "paper.cpu_s_per_object", "fpfh_icp.cpu_s_per_object")),
+    ),
+    "reject": (
+        ("wrong hypotheses rejected", ("false_rejected",)),
+        ("of the trained detector's alone", ("trained.false_rejected",)),
+        ("objects that some hypothesis has right, kept", ("true_kept",)),
+        ("calibration error of a stated probability", ("calibration_error",)),
+        ("the paper's experiment: false positives rejected (the paper: .84)", ("paper.false_rejected",)),
+        ("found again, or given up, within two looks of what happened to it", ("recovered_within_2",)),
+    ),
+    "plan": (
+        ("inverse kinematics: reachable poses solved; median seconds", ("ik_success", "ik_median_s")),
+        ("paths of picks found within 1 CPU s; median seconds", ("plan_success_1s", "plan_median_s")),
+        ("picks with true poses that succeed: of objects alone, from tables of five",
+         ("pick_success_alone", "pick_success_clutter")),
+        ("samples over a joint's limits, in all picks", ("limit_violations",)),
+    ),
+}  # fmt: skip
+"""What the project's README tells, by bench: in words, and the figures. The first is beside what is aimed at."""
+README = HERE.parent / "README.md"
+BEGIN, END = "<!-- results: written by benchmarks/tables.py -->", "<!-- end of results -->"
+
+
+def headlines(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """The project's README's table."""
+    lines = ["| measured | value | aim | bench |", "|---|---|---|---|"]
+    for bench, rows in HEADLINES.items():
+        figures = results[bench]["figures"] if bench in results else {}
+        for words, names in rows:
+            if all(name in figures for name in names):
+                first = figures[names[0]]
+                told = aim(BENCHES[bench][1], names[0], float("nan") if first is None else first)
+                value = ", ".join(_number(figures[name], 3) for name in names)
+                lines.append(f"| {words} | {value} | {told} | `{bench}` |")
+    return "\n".join(lines)
+
+
+def readme(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
+    """The project's README with the table of now."""
+    before, rest = text.split(BEGIN)
+    return f"{before}{BEGIN}\n\n{headlines(results)}\n\n{END}{rest.split(END)[1]}"
 
 
 def _rows(data: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
@@ -135,9 +200,12 @@ def files(results: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
 def main() -> None:
     """Writes the files."""
     (HERE / "plots").mkdir(exist_ok=True)
-    for name, text in files(read_results(HERE / "results")).items():
+    results = read_results(HERE / "results")
+    for name, text in files(results).items():
         (HERE / name).write_text(text)
         print(HERE / name)
+    README.write_text(readme(README.read_text(), results))
+    print(README)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """A run as one HTML page that opens without a network."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.belief import ENDS
 from sum_drake.belief_chart import belief_chart, left_out, reasons
-from sum_drake.drawing import draw_depth, draw_perception, verdict
+from sum_drake.drawing import Image, draw_depth, draw_perception, verdict
 from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
 from sum_drake.from_above import from_above
@@ -41,7 +41,7 @@ def write_report(
     Args:
         catalogue: the objects of the run; by default the ones that its scenario.yaml names.
         out: the file; by default `report.html` in the run folder.
-        film: render a film, too: some 15 CPU seconds.
+        film: render a film, too.
         progress: of the film.
 
     Raises InputError for a folder without anything to report.
@@ -72,19 +72,28 @@ def _film(run: RunFolder, catalogue: "Catalogue", progress: Progress | None) -> 
         return f'<p class="problem">There is no film: {page.text(problem)}</p>'
     from sum_drake.film import FPS, SCENE, film, webm
 
+    joint_names = run.record.joint_names
     directives = run.resolved().get("directives")
     scene = yaml.safe_dump({"directives": directives}) if directives else SCENE
+    poster: list[Image] = []
+
+    def with_poster() -> Iterator[Image]:
+        """The pictures one by one, so that one alone is in memory; that of the middle is kept."""
+        for i, image in enumerate(film(board, catalogue, joint_names, directives=scene, progress=progress)):
+            if i == len(board.shots) // 2:
+                poster.append(image)
+            yield image
+
     try:
-        pictures = list(film(board, catalogue, run.record.joint_names, directives=scene, progress=progress))
-        data = webm(iter(pictures))
+        data = webm(with_poster())
     except (InputError, RuntimeError) as error:
         return f'<p class="problem">There is no film: {page.text(str(error))}</p>'
     said = (
         f"{board.speed:.1f} times as fast as it was; rendered from the log: the robot as its joints were measured, "
         "things where they were believed to be."
     )
-    shown = page.video(data, pictures[len(pictures) // 2], "The run as a film")
-    return f'{shown}<p class="legend">{said} {len(pictures) / FPS:.0f} s.</p>'
+    shown = page.video(data, poster[0], "The run as a film")
+    return f'{shown}<p class="legend">{said} {len(board.shots) / FPS:.0f} s.</p>'
 
 
 def _page(run: RunFolder, catalogue: "Catalogue", film: str) -> str:

@@ -21,6 +21,24 @@ def tables():
 def test_what_is_committed_is_fresh(tables):
     for name, text in tables.files(tables.read_results(HERE / "results")).items():
         assert (HERE / name).read_text() == text, f"{name}: run python benchmarks/tables.py"
+    text = tables.README.read_text()
+    assert tables.readme(text, tables.read_results(HERE / "results")) == text, "README: run python benchmarks/tables.py"
+
+
+def test_the_readmes_table_is_of_what_there_is_and_the_rest_of_the_readme_stays(tables):
+    results = {"plan": {"figures": {"ik_success": 0.9999, "ik_median_s": None}}}
+    words = f"# A\n\nb\n\n{tables.BEGIN}\nold\n{tables.END}\n\nc\n"
+    lines = tables.readme(words, results).splitlines()
+    assert lines[:3] == ["# A", "", "b"] and lines[-3:] == [tables.END, "", "c"] and "old" not in lines
+    (row,) = [line for line in lines if "`plan`" in line]
+    assert "| 0.9999, unknown | at least 0.999: reached | `plan` |" in row
+
+
+def test_every_figure_that_the_readme_tells_is_one_of_its_bench(tables):
+    results = tables.read_results(HERE / "results")
+    for bench in results.keys() & tables.HEADLINES.keys():
+        told = {name for _, names in tables.HEADLINES[bench] for name in names if not name.endswith("_10")}
+        assert told <= results[bench]["figures"].keys()
 
 
 def test_a_bench_without_results_is_left_out_and_what_is_unknown_is_said(tables):

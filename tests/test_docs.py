@@ -21,9 +21,10 @@ import draw_diagram  # noqa: E402
 import write_commands  # noqa: E402
 
 SHOWN = re.compile(r"```console checked\n\$ sum-drake ([^\n]*)\n(.*?)```", re.DOTALL)
+PAGES = (*sorted(DOCS.glob("*.md")), ROOT / "README.md")
 TYPED = [
     (page.name, line)
-    for page in (*sorted(DOCS.glob("*.md")), ROOT / "README.md")
+    for page in PAGES
     for text in [page.read_text()]
     for line in (
         re.findall(r"^Example: `(.*)`$", text, re.MULTILINE)
@@ -33,11 +34,7 @@ TYPED = [
     if line.startswith("sum-drake ")
 ]
 """Page and line of each call of sum-drake that a page tells to type."""
-CHECKED = [
-    (page.name, command, output)
-    for page in sorted(DOCS.glob("*.md"))
-    for command, output in SHOWN.findall(page.read_text())
-]
+CHECKED = [(page.name, command, output) for page in PAGES for command, output in SHOWN.findall(page.read_text())]
 """Page, arguments and output of each command whose output a page shows and marks as `checked`."""
 
 

@@ -23,6 +23,13 @@ def reached(aims: Aims, name: str, value: float) -> bool:
     return value >= goal if words == "at least" else value <= goal
 
 
+def number(value: float, digits: int = 3) -> str:
+    """A figure to so many significant digits; more where it would read 1 without being it, as .9999 would."""
+    while float(shown := f"{value:.{digits}g}") == 1.0 != value and digits < 12:
+        digits += 1
+    return shown
+
+
 def format_figures(found: Mapping[str, float], aims: Aims) -> str:
     """The figures as aligned text, with what they are to reach."""
     width = max(map(len, found), default=0)

@@ -13,7 +13,7 @@ from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes
-from sum_drake.bench.aims import Aims, aim
+from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.bench.sort import read_batch
 from sum_drake.episodes import EpisodeSpec
@@ -112,10 +112,10 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
     parts = [
         "<h1>Runs with faults</h1>",
         "<p>Things slip, are dropped, swept, taken and added; camera and detector fail.</p>",
-        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in AIMS]),
+        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
         page.table(
             ("figure", "value", "aim"),
-            [(page.text(name), f"{value:.4g}", page.text(aim(AIMS, name, value))) for name, value in found.items()],
+            [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],
         ),
         "<h2>Runs</h2>",
         page.table(

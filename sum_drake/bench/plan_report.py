@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake import page
-from sum_drake.bench.aims import Aims, aim, reached
+from sum_drake.bench.aims import Aims, aim, number, reached
 from sum_drake.plots import Series, line_plot
 
 Rows = Sequence[Mapping[str, Any]]
@@ -24,10 +24,10 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         "<p>What is measured: inverse kinematics of reachable poses of the hand, paths that picks from poured tables "
         "ask for, paths in and out of shelves and cages and under tables, and picks in simulated physics, of objects "
         "alone and in clutter, whose true poses are told.</p>",
-        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in aims]),
+        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in aims]),
         page.table(
             ("figure", "value", "aim"),
-            [(page.text(name), f"{value:.3g}", _chip(aims, name, value)) for name, value in found.items()],
+            [(page.text(name), number(value), _chip(aims, name, value)) for name, value in found.items()],
         ),
         '<div class="plots">',
         _shares(

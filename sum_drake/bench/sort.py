@@ -13,7 +13,7 @@ from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import SCHEMA, Executor, read_episode, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes, losses
-from sum_drake.bench.aims import Aims, aim
+from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
@@ -113,7 +113,7 @@ def _page(sequences: Sequence[Row], larger: Sequence[Row], found: Mapping[str, f
         "<h1>Sequential sorting</h1>",
         "<p>Objects are poured on the table and sorted into two bins. Above, the paper's eight sequences with a Fetch; "
         "below, ours in simulation: another robot's world, so the rows stand side by side, no more.</p>",
-        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in AIMS]),
+        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
         _table("The paper's", "abcdefgh", **PAPER),
         _table(
             "Ours",
@@ -126,7 +126,7 @@ def _page(sequences: Sequence[Row], larger: Sequence[Row], found: Mapping[str, f
         "<h2>Figures</h2>",
         page.table(
             ("figure", "value", "aim"),
-            [(page.text(name), f"{value:.4g}", page.text(aim(AIMS, name, value))) for name, value in found.items()],
+            [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],
         ),
         "<h2>Objects lost, by cause</h2>",
         page.table(

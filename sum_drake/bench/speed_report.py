@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sum_drake import page
-from sum_drake.bench.aims import Aims, aim, reached
+from sum_drake.bench.aims import Aims, aim, number, reached
 from sum_drake.plots import Series, line_plot
 
 Rows = Sequence[Mapping[str, Any]]
@@ -17,10 +17,10 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         of.setdefault(row["table"], []).append(row)
     parts = [
         "<h1>What a pose costs</h1>",
-        page.tiles([(name.replace("_", " "), f"{value:.3g}") for name, value in found.items() if name in aims]),
+        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in aims]),
         page.table(
             ("figure", "value", "aim"),
-            [(page.text(name), f"{value:.3g}", _chip(aims, name, value)) for name, value in found.items()],
+            [(page.text(name), number(value), _chip(aims, name, value)) for name, value in found.items()],
         ),
         '<div class="plots">',
         _line(of["particles"], "particles", "particles", "cpu_s", "An object, by particles at the start", "CPU s"),

@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
         metavar="FILE",
         help="page (default: RUN/report.html; of two, report_RUN_RUN2.html here)",
     )
-    report.add_argument("--no-video", action="store_true", help="without the film, which takes half a minute")
+    report.add_argument("--no-video", action="store_true", help="without the film, which takes some 15 CPU seconds")
     report.add_argument("--force", action="store_true", help="replace the report that is there")
     add_quiet(report)
 
