@@ -16,7 +16,7 @@ import numpy as np
 
 from sum_drake.bench import detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
 from sum_drake.bench.aims import Aims, aim, number
-from sum_drake.plots import Series, line_plot
+from sum_drake.plots import Series, interval_plot, line_plot
 from sum_drake.reliability import reliability
 
 HERE = Path(__file__).resolve().parent
@@ -27,6 +27,7 @@ BENCHES: dict[str, tuple[str, Aims]] = {
     "plan": ("Inverse kinematics, paths, and picks with true poses", plan.AIMS),
     "sort": ("Sequential sorting", sort.AIMS),
     "faults": ("Runs with faults", faults.AIMS),
+    "ablations": ("What each ingredient of the whole system is worth, on the same pours", {}),
     "speed": ("What an object's pose costs", speed.AIMS),
 }
 WITHIN_M = np.linspace(0.0025, 0.2, 80)
@@ -48,7 +49,8 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         data = results[name]
         versions = data["versions"]
         lines += [f"## {title}", "", f"`sum-drake bench {name} --out out/{name}`", ""]
-        lines += [line for plot in PLOTS if PLOTS[plot][0] == name for line in (f"![{plot}](plots/{plot}.svg)", "")]
+        own = [plot for plot in drawn(results) if PLOTS[plot][0] == name]
+        lines += [line for plot in own for line in (f"![{plot}](plots/{plot}.svg)", "")]
         lines += ["| figure | value | aim |", "|---|---|---|"]
         lines += [
             f"| {figure} | {_number(value)} | {aim(aims, figure, float('nan') if value is None else value)} |"
@@ -56,7 +58,8 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         ]
         told = ", ".join(f"{package} {versions[package]}" for package in ("python", "drake", "torch", "numpy"))
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
-        lines += ["", f"On {data['device']}; {told}; seeds: {seeds}.", ""]
+        of = f"Commit {data['commit']}. " if data.get("commit") else ""
+        lines += ["", f"{of}On {data['device']}; {told}; seeds: {seeds}.", ""]
     return "\n".join(lines)
 
 
@@ -83,6 +86,8 @@ HEADLINES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "pose": (
         ("poses within 2 cm and 20 degrees: ours, the paper's filter, FPFH with ICP",
          ("default.within_2cm_20deg", "paper.within_2cm_20deg", "fpfh_icp.within_2cm_20deg")),
+        ("the paper's scenes: how much the curve within 5 cm is above the best baseline's; lower end of its interval",
+         ("trials.lead_5cm", "trials.lead_5cm_low95")),
         ("CPU seconds a pose: the same three",
          ("default.cpu_s_per_object", "paper.cpu_s_per_object", "fpfh_icp.cpu_s_per_object")),
     ),
@@ -133,13 +138,40 @@ def _rows(data: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
 
 def pose_plot(data: Mapping[str, Any]) -> str:
     """Share of estimates in right boxes whose distance is less than so much, whatever their angle, by method."""
-    rows = [row for row in _rows(data, "estimate") if not row["wrong_box"]]
+    rows = [row for row in _rows(data, "estimate") if not row["wrong_box"] and not row.get("detected", False)]
     methods = list(dict.fromkeys(row["method"] for row in rows))
     off = {m: np.array([row["translation_m"] for row in rows if row["method"] == m], float) for m in methods}
     series = [Series(m, 100 * WITHIN_M, [(off[m] <= d).mean() for d in WITHIN_M]) for m in methods]
     return line_plot(
         series, title="Poses within a distance", x_label="cm", y_label="share", y_range=(0, 1), size=(640, 340)
     )  # fmt: skip
+
+
+def trials_plot(data: Mapping[str, Any]) -> str:
+    """The paper's experiment: share of estimates in the detector's boxes within 5 cm and a rotation bound."""
+    rows = [row for row in _rows(data, "estimate") if row.get("detected", False)]
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    degrees = pose_figures.DEGREES
+    near: dict[str, list[float]] = {method: [] for method in methods}
+    for row in rows:
+        near[row["method"]].append(row["rotation_deg"] if row["translation_m"] < 0.05 else np.inf)
+    series = [Series(m, degrees, [(np.array(near[m]) < bound).mean() for bound in degrees]) for m in methods]
+    return line_plot(
+        series, title="The paper's scenes: poses within 5 cm", x_label="rotation bound, degrees", y_label="share",
+        x_range=(0, 180), y_range=(0, 1), size=(640, 340),
+    )  # fmt: skip
+
+
+def gain_plot(data: Mapping[str, Any]) -> str:
+    """What is lost without each ingredient: share of the objects sorted more than by default, and its interval."""
+    figures = data["figures"]
+    names = [name.removesuffix(".gain") for name in figures if name.endswith(".gain")]
+    rows = []
+    for name in names:
+        gain = (figures[f"{name}.gain{end}"] for end in ("", "_low95", "_high95"))
+        value, low, high = (float("nan") if one is None else float(one) for one in gain)
+        rows.append((name.replace("_", " "), value, low, high))
+    return interval_plot(rows, title="Objects sorted, against the default", x_label="share of the objects")
 
 
 def belief_plot(data: Mapping[str, Any]) -> str:
@@ -179,11 +211,19 @@ def lost_plot(data: Mapping[str, Any]) -> str:
 
 PLOTS = {
     "poses": ("pose", pose_plot),
+    "trials": ("pose", trials_plot),
     "belief": ("reject", belief_plot),
     "paths": ("plan", plan_plot),
     "sorted": ("sort", lost_plot),
+    "gains": ("ablations", gain_plot),
 }
 """Name of a file -> the bench it is of, and how it is drawn."""
+
+
+def drawn(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The plots for which there are results."""
+    told = {plot: of for plot, (of, _) in PLOTS.items() if of in results}
+    return [plot for plot, of in told.items() if plot != "trials" or "trials.scenes" in results[of]["figures"]]
 
 
 def read_results(folder: Path) -> dict[str, dict[str, Any]]:
@@ -193,7 +233,7 @@ def read_results(folder: Path) -> dict[str, dict[str, Any]]:
 
 def files(results: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """What is to be written, by path below this folder."""
-    plots = {f"plots/{plot}.svg": draw(results[of]) for plot, (of, draw) in PLOTS.items() if of in results}
+    plots = {f"plots/{plot}.svg": PLOTS[plot][1](results[PLOTS[plot][0]]) for plot in drawn(results)}
     return {"README.md": tables(results), **plots}
 
 

@@ -36,6 +36,8 @@ class AssociationConfig:
     max_tracks: int = 60
     """The most that are followed at a time: the surest detections spawn first, until there is no room. Tracks that are
     less probable than `existence.LEAST` take none, and give way."""
+    carry: bool = True
+    """Whether tracks are carried from look to look, and across actions; otherwise each look begins with none."""
 
 
 def expected_boxes(
@@ -126,8 +128,9 @@ def associate_frame(
 
     vertices: (v, 3) of a label's mesh. The frame is for its camera alone.
     """
-    expected = expected_boxes(held.tracks, action, frame, vertices)
-    return Associations(detections.observation, associate(held.tracks, detections.boxes, config, expected))
+    tracks = held.tracks if config.carry else ()
+    expected = expected_boxes(tracks, action, frame, vertices)
+    return Associations(detections.observation, associate(tracks, detections.boxes, config, expected))
 
 
 def _confidence(detection: Detection, label: str) -> float:

@@ -92,7 +92,7 @@ class Attempting:
         model = self._catalogue[track.label]
         others = [t for t in now.believed if t.id != track.id]
         kept = thin(np.flatnonzero(now.off[track.id] > EXPLAINED), self._config.max_obstacle_points)
-        tried = failed(track.label, now.attempts)
+        tried = failed(track.label, now.attempts) if self._config.remember else []
 
         def rank() -> RankedGrasps:
             every = grasp_candidates(model, config=self._grasp_config, seed=self._seed)

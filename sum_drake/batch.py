@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from sum_drake.assets import InputError, one_line
 from sum_drake.batch_figures import batch_figures, causes, losses
 from sum_drake.bench.resumed import different
-from sum_drake.doctor import device, versions
+from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
 from sum_drake.jsonio import write_json
@@ -119,7 +119,9 @@ def read_batch(folder: Path) -> dict[str, Any]:
         for part, kind in PARTS.items():
             if not isinstance(data[part], kind):
                 raise TypeError(f"{part} is a {type(data[part]).__name__}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except OSError as error:
+        raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
+    except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
     return dict(data)
 
@@ -136,6 +138,13 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected an episode's: remove {folder} to run it again") from None
     return dict(row)
+
+
+def read_episodes(folder: Path) -> list[dict[str, Any]]:
+    """The runs of a batch's folder that are done, by seed. Raises InputError for a folder that is none."""
+    read_batch(folder)
+    found = (read_episode(path) for path in folder.iterdir() if path.name.isdigit())
+    return sorted((row for row in found if row is not None), key=lambda row: int(row["seed"]))
 
 
 def keep(episode: Episode, out: Path) -> None:
@@ -166,6 +175,7 @@ def _write(
         "losses": losses(done),
         "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
         "versions": versions(),
+        "commit": commit(),
         "device": device(),
     }
     write_json(out / "batch.json", told)

@@ -99,6 +99,30 @@ def share_interval(done: Array, total: Array, seed: int = 0) -> tuple[float, flo
     return float(low), float(high)
 
 
+def pairs(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[int, Row | None, Row | None]]:
+    """Seed, A's run, B's run, of the seeds of either."""
+    in_a, in_b = ({row["seed"]: row for row in rows} for rows in (a, b))
+    return [(seed, in_a.get(seed), in_b.get(seed)) for seed in sorted(in_a.keys() | in_b.keys())]
+
+
+def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> tuple[int, float, float, float] | None:
+    """How much more of the objects B sorted than A in runs of the same seeds, and the 95 % interval of that share.
+
+    By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels. A
+    run whose process died sorted none of what the other run of its seed was about. None without two such runs that
+    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends.
+    """
+    total, gain = [], []
+    for _, x, y in pairs(a, b):
+        if x is not None and y is not None and (objects := x.get("objects_total") or y.get("objects_total")):
+            total.append(float(objects))
+            gain.append(float(y.get("objects_sorted", 0) - x.get("objects_sorted", 0)))
+    if len(total) < 2:
+        return None
+    low, high = share_interval(np.array(gain), np.array(total), seed)
+    return len(total), sum(gain) / sum(total), low, high
+
+
 def _share(part: float, whole: float) -> float:
     return float(part / whole) if whole else float("nan")
 

@@ -4,19 +4,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sum_drake import page
 from sum_drake.batch import read_batch
-from sum_drake.batch_figures import share_interval
+from sum_drake.batch_figures import Row, paired_difference, pairs
 from sum_drake.bench.resumed import different
 from sum_drake.files import write_whole
 from sum_drake.report_parts import seconds
 
 Batch = Mapping[str, Any]
 """What batch.json holds."""
-Row = Mapping[str, Any]
-"""What it holds of one run."""
 
 
 def is_batch(folder: Path) -> bool:
@@ -34,30 +30,6 @@ def write_batch_report(folders: Sequence[Path], out: Path) -> Path:
     else:
         write_whole(out, _two(names, batches[0], batches[1]))
     return out
-
-
-def paired_difference(a: Batch, b: Batch, seed: int = 0) -> tuple[int, float, float, float] | None:
-    """How much more of the objects B sorted than A in runs of the same seeds, and the 95 % interval of that share.
-
-    By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels. A
-    run whose process died sorted none of what the other run of its seed was about. None without two such runs that
-    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends.
-    """
-    total, gain = [], []
-    for _, x, y in _pairs(a, b):
-        if x is not None and y is not None and (objects := x.get("objects_total") or y.get("objects_total")):
-            total.append(float(objects))
-            gain.append(float(y.get("objects_sorted", 0) - x.get("objects_sorted", 0)))
-    if len(total) < 2:
-        return None
-    low, high = share_interval(np.array(gain), np.array(total), seed)
-    return len(total), sum(gain) / sum(total), low, high
-
-
-def _pairs(a: Batch, b: Batch) -> list[tuple[int, Row | None, Row | None]]:
-    """Seed, A's run, B's run."""
-    in_a, in_b = ({row["seed"]: row for row in batch["episodes"]} for batch in (a, b))
-    return [(seed, in_a.get(seed), in_b.get(seed)) for seed in sorted(in_a.keys() | in_b.keys())]
 
 
 def _one(name: str, batch: Batch, folder: Path | None) -> str:
@@ -136,14 +108,14 @@ def _tiles(batch: Batch) -> str:
 
 
 def _verdict(a: Batch, b: Batch) -> str:
-    both = [(x, y) for _, x, y in _pairs(a, b) if x is not None and y is not None]
+    both = [(x, y) for _, x, y in pairs(a["episodes"], b["episodes"]) if x is not None and y is not None]
     if not both:
         return "They have no seed in common: how they compare is told by their intervals alone."
     same = sum(x.get("digest") is not None and x.get("digest") == y.get("digest") for x, y in both)
     if same == len(both):
         return f"All {len(both)} runs of the same seeds are the same to the last bit: their digests are equal."
     words = f"{same} of {len(both)} runs of the same seeds are the same to the last bit."
-    told = paired_difference(a, b)
+    told = paired_difference(a["episodes"], b["episodes"])
     if told is None:
         return words
     runs, gain, low, high = told
@@ -186,7 +158,7 @@ def _losses(batches: Sequence[Batch]) -> str:
 
 def _differing(a: Batch, b: Batch) -> str:
     rows = []
-    for seed, x, y in _pairs(a, b):
+    for seed, x, y in pairs(a["episodes"], b["episodes"]):
         if x is not None and y is not None and x.get("digest") == y.get("digest") and x["state"] == y["state"]:
             continue
         ends = [page.chip("not there", "plain") if one is None else _run(one)[0] for one in (x, y)]

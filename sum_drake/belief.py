@@ -62,6 +62,12 @@ class AcceptanceConfig:
 
     threshold: float = 0.5
     """Least probability of an accepted track."""
+    by: str = "existence"
+    """What a track's probability is by one look, one of ACCEPT_BY: `existence`, as learned (`existence.py`), or
+    `score`, p(b) p(o | b) times the likelihood, by which the paper ranks hypotheses."""
+
+
+ACCEPT_BY = ("existence", "score")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,6 +110,8 @@ def update(
         )
     if frame.observation <= held.observation:
         return held
+    if not config.association.carry:
+        held, action = SceneBelief(held.observation, next_id=held.next_id), None
     acted = action if action is not None and action.kind != "none" else None
     matched = {pair.track: pair for pair in associations.pairs if pair.track is not None}
     looked_for: list[tuple[Track | int, Association]] = []
@@ -171,13 +179,16 @@ def _estimated(
     """The track (or a new one of that id) after its association with a box and the estimate in it."""
     p_box, p_label = probability(detection.p_box), probability(dict(detection.p_labels)[label])
     features = (*estimate.features, ("sunk_m", _sunk(label, estimate.X_WO, catalogue, config)))
-    likely = track_probability(p_box, p_label, estimate.likelihood, dict(features))
+    by_score = config.acceptance.by == "score"
+    likely = p_box * p_label * estimate.likelihood
+    if not by_score:
+        likely = track_probability(p_box, p_label, estimate.likelihood, dict(features))
     features = (*features, ("p_look", likely))
     # An estimate of which nothing could be seen is the prior's, and no witness for or against it.
     before = _expected(track, action) if isinstance(track, Track) and estimate.likelihood > 0 else []
     if isinstance(track, Track) and any(agree(estimate.X_WO, X_WO, label, catalogue) for X_WO in before):
         features = (*features, ("p_before", track.own_probability))
-        likely = agreed_probability(likely, track.own_probability)
+        likely = likely if by_score else agreed_probability(likely, track.own_probability)
     return Track(
         id=track if isinstance(track, int) else track.id,
         label=label,

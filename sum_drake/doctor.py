@@ -76,6 +76,22 @@ def versions() -> dict[str, str]:
     return found
 
 
+def commit() -> str | None:
+    """The commit of the checkout that this program runs from, "-dirty" at its end where files differ from it.
+
+    None where it does not run from one, or git is not there to tell.
+    """
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", os.fspath(root), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
+    try:
+        told = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip() or None
+
+
 def device() -> str:
     """What renders and computes: the processor, and CUDA's device where torch has one."""
     import torch

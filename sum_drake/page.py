@@ -112,6 +112,7 @@ h1 + p .chip { white-space: normal; font-size: 15px; }
 details { margin: 14px 0; } summary { cursor: pointer; padding: 4px 0; }
 pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding: 10px; font-size: 12.5px; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(420px, 1fr)); gap: 12px; }
+.gallery.three { grid-template-columns: repeat(auto-fit, minmax(280px, 1fr)); }
 .gallery figure { margin: 0; } .gallery img { width: 100%; border-radius: 4px; display: block; }
 .gallery figcaption { font-size: 13px; color: var(--faint); }
 .scroll { overflow-x: auto; }

@@ -130,6 +130,43 @@ def matrix_plot(
     return drawing(round(width), round(height), title, parts)
 
 
+def interval_plot(
+    rows: Sequence[tuple[str, float, float, float]], *, title: str, x_label: str, width: int = 640
+) -> str:
+    """A row each of (name, value, low, high): a dot, and a line from low to high; SVG.
+
+    0 is on the axis, and drawn. A row whose value is not finite has its name alone; ends that are not finite are not
+    drawn.
+    """
+    numbers = np.array([[value, low, high] for _, value, low, high in rows], float).reshape(-1, 3)
+    x_low, x_high = _extent([np.append(numbers[np.isfinite(numbers)], 0.0)])
+    margin = 20 + 7.0 * max((len(name) for name, *_ in rows), default=0)
+    left, right, top, pitch = margin, width - 20.0, 34.0, 22.0
+    bottom = top + pitch * max(len(rows), 1)
+
+    def place(x: float) -> float:
+        return left + (right - left) * (x - x_low) / (x_high - x_low)
+
+    parts = [words(12, 20, title, size=14, weight=600)]
+    for value in _ticks(x_low, x_high):
+        parts.append(segment(place(value), top, place(value), bottom, LINE))
+        parts.append(words(place(value), bottom + 16, _number(value), anchor="middle", color=FAINT))
+    parts.append(segment(place(0.0), top, place(0.0), bottom, FAINT))
+    parts.append(words((left + right) / 2, bottom + 36, x_label, anchor="middle", color=FAINT))
+    for i, (name, value, low, high) in enumerate(rows):
+        y = top + pitch * (i + 0.5)
+        parts.append(words(left - 8, y + 4, name, anchor="end"))
+        if not math.isfinite(value):
+            continue
+        if math.isfinite(low) and math.isfinite(high):
+            parts.append(segment(place(low), y, place(high), y, PALETTE[0], width=2))
+        said = html.escape(f"{name}: {value:.3g} ({low:.3g} to {high:.3g})")
+        parts.append(
+            f"<circle cx='{place(value):g}' cy='{y:g}' r='4' fill='{PALETTE[0]}'><title>{said}</title></circle>"
+        )
+    return drawing(width, round(bottom + 48), title, parts)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Line:
     x: Array

@@ -11,6 +11,8 @@ class TaskConfig:
     """Which accepted object comes first, one of `prospects.POLICIES`; most_likely is the paper's."""
     max_attempts: int = 3
     """Tries at one label before it is left, until another is brought away; twice as many in all."""
+    remember: bool = True
+    """Whether a grasp like one that failed is not tried again."""
     least_sure: float = 0.2
     """By `surest`, an object that promises less is taken only where nothing can be moved for its sake."""
     max_moves: int = 2

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from sum_drake import robot
 from sum_drake.assets import MODELS, InputError, asset, one_line
 from sum_drake.association import AssociationConfig
-from sum_drake.belief import AcceptanceConfig
+from sum_drake.belief import ACCEPT_BY, AcceptanceConfig
 from sum_drake.detection import weights
 from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.simulated import SimulatedDetectorConfig
@@ -285,6 +285,8 @@ def _validate(scenario: Scenario, where: str, catalogue: Catalogue) -> None:
     proposers, proposer = (LEARNED, *PROPOSERS), scenario.object_detector.proposer
     expect(proposer in proposers, f"proposer {proposer!r}", f"one of {', '.join(proposers)}")
     expect(scenario.task.policy in POLICIES, f"policy {scenario.task.policy!r}", f"one of {', '.join(POLICIES)}")
+    by = scenario.acceptance.by
+    expect(by in ACCEPT_BY, f"acceptance.by {by!r}", f"one of {', '.join(ACCEPT_BY)}")
     expect(0.0 < scenario.sigma_c < 1.0, f"sigma_c {scenario.sigma_c}", "a number between 0 and 1")
     expect(scenario.random_seed >= 0, f"random_seed {scenario.random_seed}", "0 or more")
     try:

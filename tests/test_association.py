@@ -1,10 +1,14 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes import observe
 from scipy.optimize import linear_sum_assignment
 
-from sum_drake.association import AssociationConfig, associate, greedy_matches, matching_scores
-from sum_drake.types import Detection, PoseBelief, Track, readonly
+from sum_drake.association import AssociationConfig, associate, associate_frame, greedy_matches, matching_scores
+from sum_drake.objects import load_catalogue
+from sum_drake.types import Detection, Detections, PoseBelief, SceneBelief, Track, readonly
+
+CATALOGUE = load_catalogue()
 
 BELIEF = PoseBelief(readonly(np.eye(4)[None]), readonly([1.0]))
 
@@ -88,6 +92,17 @@ def test_a_confidence_that_is_no_number_is_none():
     box = (0, 0, 10, 10)
     broken = Detection(box, float("nan"), (("mug", 0.9),))
     assert associate([track(7, "mug", box)], [broken], AssociationConfig()) == ()
+
+
+def test_without_carrying_every_box_spawns_whatever_was_held():
+    held = SceneBelief(0, (track(4, "mug", (0, 0, 10, 10)),), 5)
+    found = Detections(1, (detection((0, 0, 10, 10), mug=0.9),))
+    frame, _ = observe(CATALOGUE, {}, observation=1)
+    pairs = [
+        associate_frame(held, frame, found, None, lambda label: np.zeros((1, 3)), AssociationConfig(carry=carry)).pairs
+        for carry in (True, False)
+    ]
+    assert [[pair.track for pair in of] for of in pairs] == [[4], [None]]
 
 
 def test_a_track_is_expected_where_the_action_was_to_put_it():

@@ -9,8 +9,8 @@ from test_report import Page
 
 from sum_drake.assets import InputError
 from sum_drake.batch import read_batch
-from sum_drake.batch_figures import batch_figures, causes, losses
-from sum_drake.batch_report import paired_difference, write_batch_report
+from sum_drake.batch_figures import batch_figures, causes, losses, paired_difference
+from sum_drake.batch_report import write_batch_report
 from sum_drake.cli import main
 from sum_drake.jsonio import write_json
 
@@ -69,7 +69,7 @@ def test_equal_batches_are_said_to_be_equal(tmp_path: Path) -> None:
 def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
     a = write_batch(tmp_path / "a", [row(i, 4) for i in range(8)])
     b = write_batch(tmp_path / "b", [row(i, 5) for i in range(7)] + [row(11, 0)], settings={"code": "c"})
-    told = paired_difference(read_batch(a), read_batch(b))
+    told = paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"])
     assert told is not None and told[0] == 7
     assert told[1:] == pytest.approx((0.2, 0.2, 0.2)), "every pour by one of five: no doubt about it"
     words = words_of(a, b)
@@ -81,8 +81,8 @@ def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
 def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
     """Whose crash it is must not favour anybody."""
     died = {"seed": 1, "state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0}
-    whole = read_batch(write_batch(tmp_path / "a", [row(0, 5), row(1, 5)]))
-    half = read_batch(write_batch(tmp_path / "b", [row(0, 5), died]))
+    whole = read_batch(write_batch(tmp_path / "a", [row(0, 5), row(1, 5)]))["episodes"]
+    half = read_batch(write_batch(tmp_path / "b", [row(0, 5), died]))["episodes"]
     there, back = paired_difference(whole, half), paired_difference(half, whole)
     assert there is not None and back is not None
     assert there[:2] == (2, -0.5) and back[:2] == (2, 0.5)
@@ -90,7 +90,7 @@ def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
 
 def test_without_a_seed_in_common_nothing_is_paired(tmp_path: Path) -> None:
     a, b = write_batch(tmp_path / "a", [row(0, 5)]), write_batch(tmp_path / "b", [row(1, 4)])
-    assert paired_difference(read_batch(a), read_batch(b)) is None
+    assert paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"]) is None
     assert "no seed in common" in words_of(a, b)
 
 

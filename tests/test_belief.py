@@ -37,11 +37,13 @@ def estimator(catalogue):
     return Perceiver(PoseEstimator(catalogue, CONFIG), PresenceCheck(catalogue), catalogue)
 
 
-def see(held, frame, boxes, estimator, *, action=None, threshold=0.5, unique=True, seed=1, pairs=None):
+def see(held, frame, boxes, estimator, *, action=None, threshold=0.5, unique=True, seed=1, pairs=None, **other):
+    """other: `by` of the acceptance, `carry` of the association."""
+    association = dataclasses.replace(ASSOCIATION, carry=other.get("carry", True))
     detections = Detections(frame.observation, tuple(boxes))
     if pairs is None:
         pairs = Associations(frame.observation, associate(held.tracks, boxes, ASSOCIATION))
-    config = BeliefConfig(CONFIG, ASSOCIATION, AcceptanceConfig(threshold), unique, seed)
+    config = BeliefConfig(CONFIG, association, AcceptanceConfig(threshold, other.get("by", "existence")), unique, seed)
     return update(
         held, frame, detections, pairs, action, estimator.estimator, estimator.presence, estimator.catalogue, config
     )
@@ -67,6 +69,30 @@ def test_an_object_is_found_followed_and_found_again_after_it_was_placed(catalog
     accepted = [t for t in second.tracks if t.accepted]
     assert len(accepted) == 1
     assert pose_error(accepted[0].X_WO, X_WO_placed, catalogue["sugar"].symmetry)[0] < 0.02
+
+
+def test_without_carrying_each_look_starts_anew_under_new_ids(catalogue, estimator):
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.1)})
+    seen = [Detection(boxes["sugar"], 0.9, (("sugar", 0.9),))]
+    first = see(SceneBelief(), frame, seen, estimator, carry=False)
+    again = dataclasses.replace(frame, observation=1)
+    anew = Associations(1, (Association(0, "sugar", None, 0.81),))
+    second = see(first, again, seen, estimator, carry=False, pairs=anew)
+    assert [track.id for track in first.tracks] == [0] and [track.id for track in second.tracks] == [1]
+    assert second.tracks[0].born == 1 and second.gone == () and second.believed is None
+    third = see(
+        second, dataclasses.replace(frame, observation=2), [], estimator, carry=False, pairs=Associations(2, ())
+    )
+    assert third.tracks == (), "what was believed is forgotten, not missed"
+
+
+def test_by_score_a_track_is_as_probable_as_the_paper_ranks_it(catalogue, estimator):
+    frame, boxes = observe(catalogue, {"sugar": standing(catalogue, "sugar", 0.6, 0.1)})
+    seen = [Detection(boxes["sugar"], 0.9, (("sugar", 0.5),))]
+    (track,) = see(SceneBelief(), frame, seen, estimator, by="score", threshold=0.35).tracks
+    assert track.probability == pytest.approx(0.45 * track.likelihood) and track.accepted
+    (learned,) = see(SceneBelief(), frame, seen, estimator).tracks
+    assert learned.probability > 0.8 > track.probability and learned.likelihood == track.likelihood
 
 
 def test_rivals_for_one_box_contest_it_and_the_shape_decides(catalogue, estimator):

@@ -5,8 +5,8 @@ import json
 import pytest
 from test_batch_figures import attempt, run
 
-from sum_drake.batch import Processes
-from sum_drake.bench.sort import AIMS, PAPER, bench_sort, read_batch, sort_figures
+from sum_drake.batch import Processes, read_episodes
+from sum_drake.bench.sort import AIMS, PAPER, bench_sort, sort_figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare
 from sum_drake.systems.scenario import load_scenario
@@ -52,7 +52,7 @@ def test_sequences_are_run_and_told_and_gone_on_with(tmp_path):
     assert data["figures"]["objects_sorted_share"] == 0.0
     page = (tmp_path / "report.html").read_text()
     assert "The paper&#x27;s" in page or "The paper's" in page
-    assert len(read_batch(tmp_path / "sequences")) == 2
+    assert len(read_episodes(tmp_path / "sequences")) == 2
 
 
 def test_what_is_no_batch_is_refused_before_anything_is_run(tmp_path, capsys):

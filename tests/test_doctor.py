@@ -19,6 +19,26 @@ def no_driver(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytes
         monkeypatch.setenv("LIBGL_DRIVERS_PATH", str(tmp_path))
 
 
+def test_the_commit_is_that_of_the_checkout_or_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=b", *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    monkeypatch.setattr(doctor, "__file__", str(tmp_path / "sum_drake" / "doctor.py"))
+    assert doctor.commit() is None
+    (tmp_path / "a.py").write_text("a = 1\n")
+    git("init", "-q")
+    assert doctor.commit() is None, "there is none yet"
+    git("add", "-A")
+    git("commit", "-qm", "a")
+    told = doctor.commit()
+    assert told is not None and git("rev-parse", "HEAD").startswith(told) and len(told) == 12
+    (tmp_path / "a.py").write_text("a = 2\n")
+    assert doctor.commit() == f"{told}-dirty"
+    monkeypatch.setenv("PATH", "")
+    assert doctor.commit() is None
+
+
 def test_this_machine_renders() -> None:
     assert doctor.egl_problem() is None
     doctor.require_rendering()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sum_drake.plots import Series, line_plot, matrix_plot
+from sum_drake.plots import Series, interval_plot, line_plot, matrix_plot
 
 SVG = "{http://www.w3.org/2000/svg}"
 WORDS = {"title": "a plot", "x_label": "boxes", "y_label": "recall"}
@@ -93,3 +93,16 @@ def test_a_matrix_shows_each_count_shaded_by_its_share_of_the_row():
     assert len(set(shades)) == 3
     with pytest.raises(ValueError, match="2 rows"):
         matrix_plot([[1]], ["a", "b"], ["a"], **WORDS)
+
+
+def test_intervals_are_drawn_about_their_values_beside_zero():
+    rows = [("no <memory>", -0.1, -0.2, 0.05), ("alone", 0.02, math.nan, math.nan), ("unknown", math.nan, 0.0, 1.0)]
+    svg = interval_plot(rows, title="a plot", x_label="gain")
+    assert {"no <memory>", "alone", "unknown", "gain", "0"} <= set(words(svg))
+    first, second = elements(svg, "circle")
+    blue = [line for line in elements(svg, "line") if line.get("stroke-width") == "2"]
+    (interval,) = blue
+    low, high, at = (float(of.get(name)) for of, name in ((interval, "x1"), (interval, "x2"), (first, "cx")))
+    assert low < at < high < 640 and (at - low) / (high - at) == pytest.approx(0.1 / 0.15, abs=1e-3)
+    assert float(second.get("cx")) > at
+    assert interval_plot([], title="a plot", x_label="gain").count("<circle") == 0

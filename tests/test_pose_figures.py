@@ -38,6 +38,25 @@ def test_shares_are_of_instances_in_their_own_boxes():
     assert "at most 1: reached" in format_figures(found, AIMS)
 
 
+def test_the_papers_experiment_is_told_apart_with_a_lead_and_how_sure_it_is():
+    good = [
+        dataclasses.replace(RIGHT, method="default", scene=scene, rotation_deg=0.0, detected=True) for scene in range(4)
+    ]
+    poor = [dataclasses.replace(row, method="fpfh", translation_m=0.03 * row.scene) for row in good]
+    worse = [dataclasses.replace(row, method="fpfh_icp", translation_m=0.5) for row in good]
+    found = figures([dataclasses.replace(RIGHT, translation_m=0.3), *good, *poor, *worse])
+    assert found["default.within_2cm_20deg"] == 0 and found["trials.default.within_2cm_20deg"] == 1
+    assert (found["trials.scenes"], found["trials.true_positives"]) == (4, 4)
+    one_of_90 = 1 / 91  # nothing is within 0 degrees
+    assert found["trials.default.area_1cm"] == pytest.approx(1 - one_of_90)
+    assert found["trials.fpfh.area_1cm"] == pytest.approx(0.25 * (1 - one_of_90))
+    assert found["trials.lead_1cm"] == pytest.approx(0.75 * (1 - one_of_90))
+    assert 0.25 * (1 - one_of_90) <= found["trials.lead_1cm_low95"] < found["trials.lead_1cm"]
+    assert found["trials.lead_10cm"] == pytest.approx(0.0), "the best of the others"
+    assert "missed" in aim(AIMS, "trials.lead_10cm", found["trials.lead_10cm"])
+    assert not [name for name in figures([RIGHT]) if name.startswith("trials")]
+
+
 def test_curves_of_the_papers_plots_rise_to_the_share_within_the_translation_bound():
     rows = [RIGHT, dataclasses.replace(RIGHT, rotation_deg=100.0), dataclasses.replace(RIGHT, translation_m=0.3)]
     np.testing.assert_allclose(curve(rows, 0.01, np.array([1.0, 10.0, 90.0, 180.0])), [0, 1 / 3, 1 / 3, 2 / 3])

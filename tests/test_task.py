@@ -67,6 +67,8 @@ def test_a_grasp_like_one_that_failed_is_not_tried_again_and_what_cannot_be_trie
     assert not _same_grasp(choice.plan.grasp.X_OG, failed)
     (refused,) = choice.refused
     assert (refused.label, refused.reason, refused.action) == ("mug", "too_many_failures", None), "likelier, but"
+    forgetful = make_task(config=dataclasses.replace(MOST_LIKELY, remember=False)).decide(seen, attempts, 0, VIEW)
+    assert isinstance(forgetful, Pick) and _same_grasp(forgetful.plan.grasp.X_OG, failed), "it was the best one"
 
 
 def test_things_are_let_go_higher_the_more_lie_in_the_bin_already(can_seen):

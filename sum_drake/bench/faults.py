@@ -11,11 +11,10 @@ import numpy as np
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, run_batch
+from sum_drake.batch import Executor, read_episodes, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
-from sum_drake.bench.sort import read_batch
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
 from sum_drake.runlog_reader import read_what_there_is
@@ -45,7 +44,7 @@ def bench_faults(
 ) -> dict[str, float]:
     """Runs them, and writes results.json and report.html; returns the figures."""
     run_batch(out / "runs", specs, settings, executor, progress)
-    runs = [row for row in read_batch(out / "runs") if row["seed"] in {spec.seed for spec in specs}]
+    runs = [row for row in read_episodes(out / "runs") if row["seed"] in {spec.seed for spec in specs}]
     broken = {row["seed"]: list(invalid_beliefs(out / "runs" / str(row["seed"]) / "run.mcap")) for row in runs}
     found = fault_figures(runs, sum(map(len, broken.values())))
     rows = (

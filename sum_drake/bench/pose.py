@@ -1,7 +1,8 @@
 """`sum-drake bench pose`: how near the estimates of an object's pose come, and at what cost, beside other methods.
 
-The scenes are described in `bench.pose_scenes`; those of the bench are not among those that anything was tuned on. What
-is done is kept in rows.jsonl as it grows: called again with the same settings, the bench goes on.
+The scenes are described in `bench.pose_scenes`, those of the paper's own experiment in `bench.pose_trials`; none is
+among those that anything was tuned on. What is done is kept in rows.jsonl as it grows: called again with the same
+settings, the bench goes on.
 """
 
 import dataclasses
@@ -15,14 +16,18 @@ import numpy as np
 
 from sum_drake.appearance import Appearances
 from sum_drake.assets import InputError
+from sum_drake.bench import pose_trials
 from sum_drake.bench.pose_figures import PoseRow, errors, figures
-from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, filter_configs
+from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, PAPER_METHODS, filter_configs
 from sum_drake.bench.pose_report import report_page
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
 from sum_drake.bench.results import write_results
-from sum_drake.bench.resumed import Progress, RowLog, code_and_meshes, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
+from sum_drake.bench.watching import Tables
+from sum_drake.detection.inference import load_detector
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
+from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
 from sum_drake.objects import Catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
@@ -52,7 +57,8 @@ def bench_pose(
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
 
-    scenes: how many; default: 40, or 4 if quick. methods: of `pose_methods.ABOUT`. anew: what is in `out` is replaced,
+    scenes: how many; default: 40, or 4 if quick. The paper's experiment has at most ten, and is left out where the
+    detector does not know the catalogue's labels. methods: of `pose_methods.ABOUT`. anew: what is in `out` is replaced,
     once it is sure that this can run. Raises InputError for a method that is unknown or cannot run here, and for rows
     of other settings in `out`.
     """
@@ -70,7 +76,11 @@ def bench_pose(
         for name in FILES:
             (out / name).unlink(missing_ok=True)
     log = RowLog(out, settings, list[PoseRow])
-    tasks = [(scene, method) for scene in seeds for method in methods]
+    tasks: list[Task] = [("box", scene, 0, method) for scene in seeds for method in methods]
+    detects, why_not = _knows(catalogue)
+    clutter, trials = _paper_size(seed, count, quick=quick) if detects else (range(0), 0)
+    compared = [method for method in methods if method in PAPER_METHODS]
+    tasks += [("trial", scene, trial, method) for scene in clutter for trial in range(trials) for method in compared]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
         told = other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
         done = run_tasks(
@@ -83,20 +93,43 @@ def bench_pose(
             progress=progress,
         )
         rows = [row for rows in done for row in rows]
-        rows.sort(key=lambda row: (known.index(row.method), row.scene, row.label, row.seed))
+        rows.sort(key=lambda row: (row.detected, known.index(row.method), row.scene, row.label, row.seed))
         found = figures(rows)
-        html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue)
+        looks: list[pose_trials.Corrected] = []
+        if clutter:
+            tables = Tables(catalogue, told, load_detector(None, labels=catalogue.labels), filter_config())
+            for look in pose_trials.looks(tables, clutter):
+                looks.append(look)
+                progress("looking at the paper's scenes", len(looks), len(clutter))
+        html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue, looks, why_not)
     write_results(
         out,
         "pose",
         quick=quick,
         settings=settings | {"scenes": count, "methods": list(methods), "wall_s": time.monotonic() - start},
-        seeds={"scenes": seeds.start, "meshes": FIRST_SCENE + seed},
+        seeds={"scenes": seeds.start, "paper_scenes": pose_trials.FIRST + 100 * seed, "meshes": FIRST_SCENE + seed},
         figures=found,
         rows=[{"table": "estimate", **dataclasses.asdict(row)} for row in rows],
     )
     write_whole(out / "report.html", html)
     return found
+
+
+def _knows(catalogue: Catalogue) -> tuple[bool, str]:
+    """Whether the package's detector knows the labels, and why not."""
+    try:
+        load_detector(None, labels=catalogue.labels)
+    except InputError as error:
+        return False, str(error)
+    return True, ""
+
+
+def _paper_size(seed: int, scenes: int, *, quick: bool) -> tuple[range, int]:
+    """Seeds of the scenes of the paper's experiment, and how many trials each gets."""
+    first = pose_trials.FIRST + 100 * seed
+    if quick:
+        return range(first, first + min(scenes, pose_trials.QUICK_SCENES)), pose_trials.QUICK_TRIALS
+    return range(first, first + min(scenes, pose_trials.SCENES)), pose_trials.TRIALS
 
 
 def _scene_again(catalogue: Catalogue, seed: int) -> PoseScene:
@@ -150,10 +183,13 @@ class _Worker:
         self.catalogue, self._told = catalogue, told
         self._renderer, self._exact = DepthRenderer(self.catalogue, faces=20_000), DepthRenderer(told)
         self.scene = functools.lru_cache(maxsize=2)(self._scene)
+        self._detector = functools.cache(functools.partial(load_detector, None, labels=catalogue.labels))
         self.method = functools.cache(self._method)
         self._appearances = functools.cache(functools.partial(Appearances, self._told, device=device))
 
-    def _scene(self, seed: int) -> PoseScene:
+    def _scene(self, kind: str, seed: int) -> PoseScene:
+        if kind == "trial":
+            return pose_trials.trial_scene(self.catalogue, self._renderer, self._detector(), seed)
         return pose_scene(self.catalogue, self._renderer, seed)
 
     def _method(self, name: str) -> _Filter | _Fpfh:
@@ -177,13 +213,14 @@ def _start_worker(catalogue: Catalogue, told: Catalogue, device: str) -> None:
     _worker = _Worker(catalogue, told, device)
 
 
-def _measure(seeds: int, scene_seed: int, name: str) -> list[PoseRow]:
+def _measure(seeds: int, kind: str, scene_seed: int, trial: int, name: str) -> list[PoseRow]:
+    """kind: "box", of which `seeds` estimates are made, or "trial", which is one of its scene's."""
     worker = _worker
-    scene, method = worker.scene(scene_seed), worker.method(name)
+    scene, method = worker.scene(kind, scene_seed), worker.method(name)
     rows = []
     for i, instance in enumerate(scene.instances):
         method.warm(scene, instance.label)
-        for k in range(seeds):
+        for k in range(seeds) if kind == "box" else (trial,):
             begun = time.process_time()
             X_WO, probability, renders = method.estimate(scene, instance, [scene_seed, i, k])
             cpu_s = time.process_time() - begun
@@ -206,6 +243,7 @@ def _measure(seeds: int, scene_seed: int, name: str) -> list[PoseRow]:
                     cpu_s=cpu_s,
                     renders=renders,
                     X_WO=[] if X_WO is None else X_WO.tolist(),
+                    detected=kind == "trial",
                 )
             )
     return rows

@@ -16,6 +16,8 @@ METHODS = {
     "fpfh_icp": "the same, then point-to-plane ICP",
 }
 """What each is."""
+PAPER_METHODS = ("paper", "default", "fpfh", "fpfh_icp")
+"""Those of the paper's experiment."""
 _ABLATIONS: dict[str, tuple[str, dict[str, Any]]] = {
     "no_warmup": ("no registration of all particles before the first weighting", {"warmup": 0}),
     "no_flips": ("no half and quarter turns among the proposals", {"flipped": 0.0}),

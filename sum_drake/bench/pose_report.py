@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from sum_drake import page
 from sum_drake.bench.aims import aim, reached
-from sum_drake.bench.pose_figures import AIMS, BOUNDS, PAPER_BOUNDS, PoseRow, curve, stated, within
+from sum_drake.bench.pose_figures import AIMS, BOUNDS, PoseRow, stated, within
 from sum_drake.bench.pose_methods import ABOUT
 from sum_drake.bench.pose_scenes import PoseScene
+from sum_drake.bench.pose_trials import Corrected
+from sum_drake.bench.pose_trials_report import paper_plots, papers_part
 from sum_drake.drawing import draw_depth, draw_poses
 from sum_drake.objects import Catalogue
 from sum_drake.plots import Series, line_plot
@@ -25,22 +27,35 @@ SceneOf = Callable[[int], PoseScene]
 """The scene of a seed."""
 
 
-def report_page(rows: Sequence[PoseRow], found: Mapping[str, float], scene_of: SceneOf, catalogue: Catalogue) -> str:
-    """The page. rows: of all methods; found: their figures; catalogue: the true meshes."""
+def report_page(
+    every: Sequence[PoseRow],
+    found: Mapping[str, float],
+    scene_of: SceneOf,
+    catalogue: Catalogue,
+    looks: Sequence[Corrected],
+    why_not: str = "",
+) -> str:
+    """The page.
+
+    every: rows of all methods; found: their figures; catalogue: the true meshes; looks: at the scenes of the paper's
+    experiment; why_not: why there is none.
+    """
+    rows = [row for row in every if not row.detected]
     methods = list(dict.fromkeys(row.method for row in rows))
     instances = {(row.scene, row.label): row.wrong_box for row in rows}
     wrong = sum(instances.values())
     told = [name for name in AIMS if np.isfinite(found.get(name, np.nan))]
     parts = [
         "<h1>Poses</h1>",
+        page.tiles([(_title(name), f"{found[name]:.3f}") for name in told]),
+        *papers_part([row for row in every if row.detected], found, looks, why_not, catalogue),
+        "<h2>In boxes that are off, with two cameras</h2>",
         f"<p>{len(instances) - wrong} instances of which at least 30 % is visible, and {wrong} boxes with a wrong "
         f"label, in {len({scene for scene, _ in instances})} poured scenes that nothing was tuned on; half are seen by "
         "a structured-light camera, whose noise was in tuning as well, half by a wide stereo camera, whose noise was "
         "not. The estimators know meshes of 1,000 faces that are "
         "up to 2 % larger or smaller than what the sensor saw, with vertices up to 3 mm off, and boxes that are up to "
         "10 % off. Symmetric orientations count as equal.</p>",
-        page.tiles([(_title(name), f"{found[name]:.3f}") for name in told]),
-        "<h2>Methods</h2>",
         page.table(
             ("method", *(name.replace("_", ", ") for name in BOUNDS), "2 cm, 20 deg, less than .7 visible", "ADD-S AUC",
              "median shift", "median turn", "CPU s", "renders"),
@@ -49,8 +64,8 @@ def report_page(rows: Sequence[PoseRow], found: Mapping[str, float], scene_of: S
         page.table(("method", "what it is"), [(page.text(name), page.text(ABOUT[name])) for name in methods]),
         "<h2>Aims</h2>",
         page.table(("figure", "value", "aim"), [_aim_row(name, found[name]) for name in told]),
-        "<h2>Within a rotation bound, at four translation bounds (the paper's figure 5)</h2>",
-        f'<div class="plots">{"".join(_paper_plots(rows, methods))}</div>',
+        "<h3>Within a rotation bound, at four translation bounds</h3>",
+        f'<div class="plots">{"".join(paper_plots(rows, methods))}</div>',
         "<h2>By visible share, sensor and object</h2>",
         page.table(("", "instances", *methods), _breakdown(rows, methods)),
         "<h2>How far the stated probability can be trusted</h2>",
@@ -92,23 +107,6 @@ def _trust_row(name: str, found: Mapping[str, float]) -> list[str]:
 def _aim_row(name: str, value: float) -> tuple[str, str, str]:
     chip = page.chip(aim(AIMS, name, value), "good" if reached(AIMS, name, value) else "bad")
     return page.text(name), _number(value), chip
-
-
-def _paper_plots(rows: Sequence[PoseRow], methods: Sequence[str]) -> list[str]:
-    degrees = np.linspace(0, 180, 91)
-    of = {name: [row for row in rows if row.method == name] for name in methods}
-    return [
-        line_plot(
-            [Series(name, degrees, curve(of[name], bound, degrees)) for name in methods],
-            title=f"Within {100 * bound:.0f} cm",
-            x_label="rotation bound, degrees",
-            y_label="share",
-            x_range=(0.0, 180.0),
-            y_range=(0.0, 1.0),
-            size=(525, 330),
-        )
-        for bound in PAPER_BOUNDS
-    ]  # fmt: skip
 
 
 def _reliability_plot(rows: Sequence[PoseRow], methods: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sum_drake.doctor import device, versions
+from sum_drake.doctor import commit, device, versions
 from sum_drake.jsonio import encode, write_json
 
 SCHEMA = "sum-drake/bench/1"
@@ -37,6 +37,7 @@ def write_results(
         "settings": settings,
         "seeds": seeds,
         "versions": versions(),
+        "commit": commit(),
         "device": device(),
         "figures": figures,
         "rows": rows,

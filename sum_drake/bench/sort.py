@@ -4,14 +4,12 @@ The sequences are a batch like any other, in `sequences/` of the bench's folder:
 are of the sequences, unless batches of more runs are given, by number of objects on the table.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
-from sum_drake.assets import InputError
-from sum_drake.batch import SCHEMA, Executor, read_episode, run_batch
+from sum_drake.batch import Executor, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes, losses
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
@@ -38,18 +36,6 @@ PAPER: dict[str, tuple[float, ...]] = {
 """The table of Sui et al. 2017, sequences (a) to (h)."""
 
 
-def read_batch(folder: Path) -> list[dict[str, Any]]:
-    """The episodes of a batch folder, by seed. Raises InputError for a folder that is none."""
-    file = folder / "batch.json"
-    try:
-        if json.loads(file.read_text())["schema"] != SCHEMA:
-            raise InputError(f"{file}: of another schema; expected {SCHEMA!r}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"--batch {folder}: no batch ({type(error).__name__}); expected a folder of `batch`") from None
-    found = (read_episode(path) for path in folder.iterdir() if path.name.isdigit())
-    return sorted((row for row in found if row is not None), key=lambda row: int(row["seed"]))
-
-
 def bench_sort(
     out: Path,
     specs: Sequence[EpisodeSpec],
@@ -61,18 +47,24 @@ def bench_sort(
     progress: Any,
 ) -> dict[str, float]:
     """Runs the sequences, and writes results.json and report.html of them and of the batches; returns the figures."""
-    larger = [row for folder in batches for row in read_batch(folder)]
+    larger = [row for folder in batches for row in read_episodes(folder)]
     run_batch(out / "sequences", specs, settings, executor, progress)
-    sequences = [row for row in read_batch(out / "sequences") if row["seed"] in {spec.seed for spec in specs}]
+    sequences = [row for row in read_episodes(out / "sequences") if row["seed"] in {spec.seed for spec in specs}]
     found = sort_figures(sequences, larger)
     rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
     rows += [{"table": "loss", **loss} for loss in losses([*sequences, *larger])]
     write_results(
-        out, "sort", quick=quick, settings=dict(settings), seeds={"first_sequence": specs[0].seed}, figures=found,
-        rows=rows,
+        out, "sort", quick=quick, settings={**settings, "batches": [_made_by(folder) for folder in batches]},
+        seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows,
     )  # fmt: skip
     write_whole(out / "report.html", _page(sequences, larger, found))
     return found
+
+
+def _made_by(folder: Path) -> dict[str, Any]:
+    """Which program, on what, has made a batch, and which runs it is of."""
+    batch = read_batch(folder)
+    return {name: batch.get(name) for name in ("seeds", "runs", "done", "settings", "commit", "versions", "device")}
 
 
 def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, float]:

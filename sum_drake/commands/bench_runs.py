@@ -1,4 +1,4 @@
-"""`sum-drake bench sort`, `faults` and `all`: experiments of whole runs, and all experiments in turn."""
+"""`sum-drake bench sort`, `faults`, `ablations` and `all`: experiments of whole runs, and all experiments in turn."""
 
 import argparse
 import sys
@@ -21,7 +21,7 @@ from sum_drake.commands.common import (
 if TYPE_CHECKING:
     from sum_drake.episodes import EpisodeSpec
 
-BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "speed")
+BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "ablations", "speed")
 """In the order of `bench all`."""
 ANEW = ("detect", "speed")
 """Those that begin anew where they were cut off."""
@@ -39,6 +39,15 @@ def add(benches: Commands) -> None:
     text = "runs in which things go wrong on purpose: does any of it end badly?"
     faults = add_command(benches, "faults", _bench_faults, text, "bench faults --out out/faults")
     _add_usual(faults, "two runs", 700)
+    text = "what each ingredient of the whole system is worth, in objects sorted on the same pours"
+    worth = add_command(benches, "ablations", _bench_ablations, text, "bench ablations --out out/ablations")
+    _add_usual(worth, "one run of one object each", 1000)
+    worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20)")
+    worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them (default: all)")
+    worth.add_argument(
+        "--default", type=Path, metavar="DIR",
+        help="folder of `sum-drake batch` whose runs of the same seeds stand for the default's",
+    )  # fmt: skip
     every = add_command(
         benches, "all", _bench_all, f"all of them in turn: {', '.join(BENCHES)}", "bench all --quick --out out/all"
     )
@@ -57,12 +66,12 @@ def _add_usual(one: argparse.ArgumentParser, quick: str, seed: int) -> None:
 
 
 def _bench_sort(options: argparse.Namespace) -> None:
-    from sum_drake.batch import Processes
-    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort, read_batch
+    from sum_drake.batch import Processes, read_episodes
+    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort
     from sum_drake.systems.scenario import load_scenario
 
     for folder in options.batch:
-        read_batch(folder)  # what cannot be read is said before anything is run
+        read_episodes(folder)  # what cannot be read is said before anything is run
     runs, objects = (2, 2) if options.quick else (SEQUENCES, OBJECTS)
 
     def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
@@ -87,6 +96,36 @@ def _bench_faults(options: argparse.Namespace) -> None:
     check_count("--seed", options.seed, 0)
     scenario = load_scenario(name=SCENARIO, seed=options.seed)
     _run(options, scenario, 2 if options.quick else RUNS, FILES, bench, AIMS)
+
+
+def _bench_ablations(options: argparse.Namespace) -> None:
+    from sum_drake.batch import Processes, read_episodes
+    from sum_drake.bench.ablations import FILES, OBJECTS, QUICK_OBJECTS, QUICK_RUNS, RUNS, VARIANTS, bench_ablations
+    from sum_drake.bench.aims import format_figures
+    from sum_drake.doctor import require_rendering
+    from sum_drake.systems.scenario import load_scenario
+
+    check_count("--workers", options.workers)
+    check_count("--seed", options.seed, 0)
+    check_count("--runs", options.runs)
+    check_free(options.out, FILES, force=True, what="bench")
+    if options.default is not None:
+        read_episodes(options.default)
+    runs, objects = (QUICK_RUNS, QUICK_OBJECTS) if options.quick else (options.runs or RUNS, OBJECTS)
+
+    def prepared(text: str) -> "tuple[list[EpisodeSpec], dict[str, Any]]":
+        return prepare(load_scenario(text=text, seed=options.seed, objects=objects), options.seed, runs)
+
+    require_rendering()
+    try:
+        found = bench_ablations(
+            options.out, prepared, Processes(options.workers), variants=options.variants or tuple(VARIANTS),
+            default=options.default, quick=options.quick, progress=Counting(quiet=options.quiet),
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{options.out} keeps what was done: the same command goes on") from None
+    print(format_figures(found, {}))
+    print(options.out / "report.html")
 
 
 def _run(

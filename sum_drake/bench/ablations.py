@@ -1,0 +1,160 @@
+"""`sum-drake bench ablations`: what each ingredient of the whole system is worth, in objects sorted on the same pours.
+
+Each variant is a batch in a folder of its name below the bench's: called again, it goes on. Differences are over pairs
+of runs of the same seed, which are of the same pour.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sum_drake import page
+from sum_drake.assets import InputError
+from sum_drake.batch import Executor, check_batch, read_episodes, run_batch
+from sum_drake.batch_figures import Row, batch_figures, causes, losses, paired_difference
+from sum_drake.bench.aims import number
+from sum_drake.bench.results import write_results
+from sum_drake.episodes import EpisodeSpec
+from sum_drake.files import write_whole
+
+DEFAULT = "default"
+VARIANTS: dict[str, tuple[str, str]] = {
+    DEFAULT: ("the system as it is", "{}"),
+    "paper_filter": ("the published pose filter", "{filter: paper}"),
+    "no_existence": (
+        "the paper's score in the place of the learned probability of existence, at the threshold at which it keeps "
+        "what is right of the trained detector's hypotheses (.996) and rejects most of the rest (.56)",
+        "{acceptance: {by: score, threshold: 0.35}}",
+    ),
+    "no_action_model": ("each look starts anew, whatever was done and believed", "{association: {carry: false}}"),
+    "no_memory": ("grasps like one that failed are tried again", "{task: {remember: false}}"),
+    "surest_first": (
+        "the object that is likeliest to be brought away first, not the likeliest",
+        "{task: {policy: surest}}",
+    ),
+    "simulated_detector": (
+        "a simulated detector with few errors: boxes off by 5 %, .05 missed, .1 mislabelled, .5 false boxes a picture",
+        "{detector: SimulatedDetector}",
+    ),
+    "erring_detector": (
+        "a simulated detector that errs often: .15 missed, .25 mislabelled, 1.5 false boxes a picture",
+        "{detector: SimulatedDetector, "
+        "simulated_detector: {miss_rate: 0.15, wrong_label_rate: 0.25, false_boxes: 1.5}}",
+    ),
+    "no_camera_noise": ("depth as it is rendered", "{depth_noise: {enabled: false}}"),
+}
+"""Name: in words, and what goes over the scenario."""
+RUNS, FIRST_SEED, OBJECTS = 20, 1000, 5
+QUICK_RUNS, QUICK_OBJECTS = 1, 1
+FILES = ("results.json", "report.html", *VARIANTS)
+FIGURES = (
+    "runs", "objects", "objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95", "missorted",
+    "trials_per_object", "manipulation_errors", "cpu_s_per_run_median",
+)  # fmt: skip
+
+Prepare = Callable[[str], tuple[list[EpisodeSpec], dict[str, Any]]]
+"""The runs of a scenario with such text over it, and their settings, as `commands.batch.prepare` makes them."""
+
+
+def bench_ablations(
+    out: Path,
+    prepare: Prepare,
+    executor: Executor,
+    *,
+    variants: Sequence[str] = tuple(VARIANTS),
+    default: Path | None = None,
+    quick: bool = False,
+    progress: Callable[[str, int, int], None],
+) -> dict[str, float]:
+    """Runs the variants, and writes results.json and report.html after each; returns the figures.
+
+    variants: of VARIANTS. default: a batch's folder, whose runs of the same seeds stand for the default's. Raises
+    InputError for a variant that is unknown, a folder that is no batch's, and batches of other settings in `out`.
+    """
+    unknown = [name for name in variants if name not in VARIANTS]
+    if unknown:
+        raise InputError(f"variant {unknown[0]!r}: unknown; expected some of {', '.join(VARIANTS)}")
+    own = [name for name in VARIANTS if name in variants and not (name == DEFAULT and default is not None)]
+    jobs = {name: prepare(VARIANTS[name][1]) for name in own}
+    for name, (_, settings) in jobs.items():
+        check_batch(out / name, settings)
+    rows: dict[str, list[dict[str, Any]]] = {}
+    if default is not None:
+        seeds = {spec.seed for specs, _ in jobs.values() for spec in specs}
+        rows[DEFAULT] = [row for row in read_episodes(default) if row["seed"] in seeds]
+    found: dict[str, float] = {}
+    for name, (specs, settings) in jobs.items():
+
+        def told(what: str, done: int, total: int, name: str = name) -> None:
+            progress(f"{name}: {what}", done, total)
+
+        run_batch(out / name, specs, settings, executor, told)
+        seeds = {spec.seed for spec in specs}
+        rows[name] = [row for row in read_episodes(out / name) if row["seed"] in seeds]
+        found = figures(rows)
+        common = {key: value for key, value in settings.items() if key != "scenario"}
+        write_results(
+            out, "ablations", quick=quick, settings={**common, "variants": {name: VARIANTS[name][1] for name in rows}},
+            seeds={"first": specs[0].seed}, figures=found, rows=_rows(rows),
+        )  # fmt: skip
+        write_whole(out / "report.html", _page(rows, found))
+    return found
+
+
+def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
+    """VARIANT.NAME -> value: `batch_figures`, and gain, gain_low95, gain_high95: of the objects, sorted more by it."""
+    nan = float("nan")
+    found: dict[str, float] = {}
+    for name, of in rows.items():
+        known = batch_figures(of)
+        found |= {f"{name}.{figure}": nan if (value := known[figure]) is None else value for figure in FIGURES}
+        if name != DEFAULT and DEFAULT in rows:
+            gain = paired_difference(rows[DEFAULT], of)
+            ends = ("gain", "gain_low95", "gain_high95")
+            found |= dict(zip((f"{name}.{end}" for end in ends), gain[1:] if gain else (nan,) * 3, strict=True))
+    return found
+
+
+def _rows(rows: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
+    kept = ("seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
+            "manipulation_trials", "manipulation_errors", "cpu_s", "digest")  # fmt: skip
+    told = [
+        {"table": "run", "variant": name, **{key: row[key] for key in kept if key in row}}
+        for name, of in rows.items()
+        for row in of
+    ]
+    return told + [{"table": "loss", "variant": name, **loss} for name, of in rows.items() for loss in losses(of)]
+
+
+def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
+    def interval(name: str, figure: str, sign: str) -> str:
+        value, low, high = (found.get(f"{name}.{figure}{end}", float("nan")) for end in ("", "_low95", "_high95"))
+        return "" if value != value else f"{value:{sign}.3f} ({low:{sign}.3f} to {high:{sign}.3f})"
+
+    def sorted_interval(name: str) -> str:
+        share, low, high = (found[f"{name}.objects_sorted_{end}"] for end in ("share", "low95", "high95"))
+        return "" if share != share else f"{share:.3f} ({low:.3f} to {high:.3f})"
+
+    counted = ("missorted", "trials_per_object", "cpu_s_per_run_median")
+    table = [
+        (page.text(name), page.text(VARIANTS[name][0]), str(len(of)), sorted_interval(name),
+         interval(name, "gain", "+"), *(number(found[f"{name}.{figure}"]) for figure in counted))
+        for name, of in rows.items()
+    ]  # fmt: skip
+    lost = [
+        (page.text(name), page.text(cause), str(count))
+        for name, of in rows.items()
+        for cause, count in causes(of).items()
+    ]
+    return page.page(
+        "Ablations",
+        [
+            "<h1>What each ingredient is worth</h1>",
+            "<p>The same pours, sorted with one thing changed. Gain: of the objects, how many more are sorted than by "
+            "default, over pairs of runs; in brackets, 95 % of bootstrap draws over runs.</p>",
+            page.table(("variant", "what is changed", "runs", "sorted", "gain", "missorted", "trials an object",
+                        "CPU s a run"), table),
+            "<h2>What was lost, by cause</h2>",
+            page.table(("variant", "cause", "objects"), lost) if lost else "<p>Nothing.</p>",
+        ],
+    )  # fmt: skip

@@ -1,0 +1,83 @@
+"""What each ingredient is worth: variants are scenarios, differences are over pairs of pours."""
+
+import json
+
+import pytest
+from test_batch_figures import attempt, run
+
+from sum_drake.assets import InputError
+from sum_drake.batch import Processes
+from sum_drake.bench.ablations import DEFAULT, FIGURES, VARIANTS, bench_ablations, figures
+from sum_drake.cli import main
+from sum_drake.commands.batch import prepare
+from sum_drake.systems.scenario import dump_scenario, load_scenario
+from sum_drake.yamlio import parse_yaml
+
+
+def pours(lost):
+    """Runs of two objects; lost: how many, by run."""
+    rows = []
+    for seed, count in enumerate(lost):
+        places = {f"o{i}": "floor" if i < count else "bin" for i in range(2)}
+        rows.append(run(seed, places, [attempt(label, "sorted") for label in places]))
+    return rows
+
+
+def test_every_variant_changes_the_scenario_in_a_way_of_its_own():
+    texts = {name: dump_scenario(load_scenario(text=text)) for name, (_, text) in VARIANTS.items()}
+    assert texts[DEFAULT] == dump_scenario(load_scenario())
+    assert len(set(texts.values())) == len(VARIANTS)
+
+
+def test_gains_are_over_the_pours_that_both_sorted():
+    found = figures({DEFAULT: pours([0, 0, 1, 0]), "paper_filter": pours([1, 1, 1, 1]), "no_memory": pours([0])})
+    assert found["default.objects_sorted_share"] == pytest.approx(7 / 8)
+    assert found["paper_filter.objects_sorted_share"] == 0.5
+    assert found["paper_filter.gain"] == pytest.approx(-3 / 8)
+    assert found["paper_filter.gain_low95"] <= -3 / 8 <= found["paper_filter.gain_high95"] < 0
+    assert found["no_memory.gain"] != found["no_memory.gain"], "of one pair nothing can be told"
+    assert "default.gain" not in found
+    assert {f"default.{name}" for name in FIGURES} <= found.keys()
+
+
+def test_variants_are_run_told_and_gone_on_with(tmp_path):
+    def prepared(text):
+        short = {"objects": {"labels": ["soup_can"]}, "simulation_duration": 0.3, **parse_yaml(text, "a variant")}
+        return prepare(load_scenario(text=json.dumps(short), seed=3), 3, 1)
+
+    told = []
+    for _ in range(2):
+        found = bench_ablations(
+            tmp_path / "out", prepared, Processes(2), variants=("default", "no_memory"), quick=True,
+            progress=lambda what, done, total: told.append((what, done, total)),
+        )  # fmt: skip
+    assert told[-1][1:] == (1, 1) and {what.split(":")[0] for what, *_ in told} == {"default", "no_memory"}
+    data = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert data["settings"]["variants"] == {name: VARIANTS[name][1] for name in ("default", "no_memory")}
+    assert [(row["variant"], row["seed"]) for row in data["rows"] if row["table"] == "run"] == [
+        ("default", 3), ("no_memory", 3)
+    ]  # fmt: skip
+    assert found["no_memory.objects_sorted_share"] == 0.0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "grasps like one that failed are tried again" in page
+    # A batch may stand for the default: it is not run again.
+    again = bench_ablations(
+        tmp_path / "other", prepared, Processes(1), variants=("default", "no_memory"),
+        default=tmp_path / "out" / "default", quick=True, progress=lambda what, done, total: None,
+    )  # fmt: skip
+    assert not (tmp_path / "other" / "default").exists() and again.keys() == found.keys()
+
+
+def test_what_is_unknown_is_refused_before_anything_is_run(tmp_path, capsys):
+    with pytest.raises(InputError, match="variant 'luck': unknown; expected some of default, paper_filter"):
+        bench_ablations(tmp_path, lambda text: ([], {}), Processes(1), variants=("luck",), progress=print)
+    (tmp_path / "b").mkdir()
+    out = str(tmp_path / "out")
+    for arguments, said in (
+        (("--default", str(tmp_path / "b")), "no batch"),
+        (("--runs", "0"), "--runs 0"),
+        (("--variants", "luck"), "'luck'"),
+    ):
+        assert main(["bench", "ablations", "--out", out, *arguments]) == 2
+        assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
