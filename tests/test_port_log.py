@@ -187,6 +187,30 @@ def test_a_topic_that_is_used_twice_is_refused(tmp_path: Path) -> None:
         PortLog(log=writer.file, ports=[LoggedPort("tf", "/tf", 1)])
 
 
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        (
+            ["/a/b", "/a.b"],
+            "topic /a.b: its port is called a.b, as is that of /a/b; expected a name of its own for each",
+        ),
+        (["/a", "a/"], "topic a/: its port is called a, as is that of /a; expected a name of its own"),
+        (["/a", "/"], "topic '/': gives its port no name; expected one such as /camera/color"),
+    ],
+)
+def test_topics_whose_ports_cannot_be_told_apart_are_refused(tmp_path: Path, topics: list[str], said: str) -> None:
+    """And leave their topics to others, as `/a/b` and `/a/c` are."""
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([1.0])).get_output_port()
+    with McapLog(tmp_path / "log.mcap") as log:
+        with pytest.raises(InputError) as refused:
+            log_ports(builder, log, dict.fromkeys(topics, source))
+        log_ports(builder, log, dict.fromkeys([topics[0], "/a/c"], source), period=0.1)
+        Simulator(builder.Build()).Initialize()
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+    assert set(messages(tmp_path / "log.mcap")) == {topics[0], "/a/c"}
+
+
 def test_an_encoder_for_a_topic_that_is_not_there(tmp_path: Path) -> None:
     with (
         McapLog(tmp_path / "log.mcap") as log,
