@@ -54,13 +54,17 @@ def read_run_log(path: Path | str) -> RunRecord:
 def read_what_there_is(path: Path) -> RunRecord:
     """As `read_run_log`, but a log that ends early is read as far as it goes, and `problem` says what is wrong.
 
-    Raises InputError where there is nothing to read: a missing or foreign file.
+    Raises InputError where there is nothing to read: a missing file, or a foreign one, of which only the start is read.
     """
+    from mcap.records import Header, Metadata
+
     reading = _Reading()
     problem = None
     try:
         with path.open("rb") as stream:
             for record in _records(stream):
+                if reading.metadata.get("schema") != SCHEMA and not isinstance(record, Header | Metadata):
+                    break  # logs of ours say what they are before all else
                 reading.take(record)
     except OSError as error:
         raise InputError(f"cannot read the log {path}: {error.strerror}; expected an MCAP file") from None
@@ -127,7 +131,7 @@ class _Reading:
             self.metadata = dict(record.metadata)
         elif isinstance(record, Channel):
             self._topics[record.id] = record.topic
-        elif isinstance(record, Message) and self.metadata.get("schema") == SCHEMA:
+        elif isinstance(record, Message):
             topic = self._topics.get(record.channel_id)
             if topic is None:
                 raise _Damage(f"holds a message on channel {record.channel_id}, which it does not declare")
