@@ -5,7 +5,7 @@ import json
 import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import cv2
 import numpy as np
@@ -54,13 +54,17 @@ def read_run_log(path: Path | str) -> RunRecord:
 def read_what_there_is(path: Path) -> RunRecord:
     """As `read_run_log`, but a log that ends early is read as far as it goes, and `problem` says what is wrong.
 
-    Raises InputError where there is nothing to read: a missing or foreign file.
+    Raises InputError where there is nothing to read: a missing file, or a foreign one, of which only the start is read.
     """
+    from mcap.records import Header, Metadata
+
     reading = _Reading()
     problem = None
     try:
         with path.open("rb") as stream:
             for record in _records(stream):
+                if reading.metadata.get("schema") != SCHEMA and not isinstance(record, Header | Metadata):
+                    break  # logs of ours say what they are before all else
                 reading.take(record)
     except OSError as error:
         raise InputError(f"cannot read the log {path}: {error.strerror}; expected an MCAP file") from None
@@ -85,13 +89,14 @@ class _Damage(Exception):
     """Reading cannot go on."""
 
 
-def _records(stream: Any) -> Iterator[Any]:
+def _records(stream: IO[bytes]) -> Iterator[Any]:
     """The file's records in order. Raises _Damage where it is cut off or broken."""
     from mcap.exceptions import EndOfFile, InvalidMagic, RecordLengthLimitExceeded
     from mcap.stream_reader import StreamReader
 
     try:
-        yield from StreamReader(stream, validate_crcs=True, record_size_limit=1 << 30).records
+        whole: Any = _Whole(stream)
+        yield from StreamReader(whole, validate_crcs=True, record_size_limit=1 << 30).records
     except (EndOfFile, RecordLengthLimitExceeded):
         # The end is missing, or the middle of a record. Logs of writers that seek may end in a chunk without a length.
         raise _Damage("is cut off") from None
@@ -99,6 +104,21 @@ def _records(stream: Any) -> Iterator[Any]:
         raise _Damage("is no MCAP file") from None
     except Exception as error:  # of the container, its checksums, its compression, or a length that no memory holds
         raise _Damage(f"is damaged ({one_line(error)})") from None
+
+
+class _Whole:
+    """A file of which as much is read as was asked for, or nothing: a record that is there in part is cut off."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+
+    def read(self, size: int) -> bytes:
+        from mcap.exceptions import EndOfFile
+
+        data = self._stream.read(size)
+        if len(data) < size:
+            raise EndOfFile
+        return data
 
 
 class _Reading:
@@ -127,7 +147,7 @@ class _Reading:
             self.metadata = dict(record.metadata)
         elif isinstance(record, Channel):
             self._topics[record.id] = record.topic
-        elif isinstance(record, Message) and self.metadata.get("schema") == SCHEMA:
+        elif isinstance(record, Message):
             topic = self._topics.get(record.channel_id)
             if topic is None:
                 raise _Damage(f"holds a message on channel {record.channel_id}, which it does not declare")

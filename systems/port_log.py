@@ -51,10 +51,11 @@ class PortLog(LeafSystem):
     def __init__(self, *, log: McapLog, ports: Sequence[LoggedPort], period: float | None = None) -> None:
         """period: how often ports are looked at, seconds; None: after every step of the simulator.
 
-        Raises InputError for a topic that is used twice, and for a port of a type that has no encoder. What a
-        `Value[object]` holds, only its values tell: there the first one raises it.
+        Raises InputError for a topic or a name that is used twice, and for a port of a type that has no encoder. What
+        a `Value[object]` holds, only its values tell: there the first one raises it.
         """
         super().__init__()
+        _check_names(ports)
         self._log, self._ports = log, tuple(ports)
         self._inputs: list[InputPort] = []
         for port in self._ports:
@@ -90,7 +91,8 @@ def log_ports(
 ) -> PortLog:
     """Adds a `PortLog` to a diagram and connects it: topic -> output port. encoders: topic -> encoder, where needed.
 
-    The port of topic "/camera/color" is called "camera.color". Raises InputError as `PortLog` does.
+    The port of topic "/camera/color" is called "camera.color", and that of "/camera.color" would be, too. Raises
+    InputError as `PortLog` does.
     """
     logged = [
         LoggedPort(
@@ -108,6 +110,20 @@ def log_ports(
     for one, port in zip(logged, ports.values(), strict=True):
         builder.Connect(port, system.GetInputPort(one.name))
     return system
+
+
+def _check_names(ports: Sequence[LoggedPort]) -> None:
+    """Raises InputError for a port without a name, for which Drake ends the process, and for one with another's."""
+    topics: dict[str, str] = {}
+    for port in ports:
+        if not port.name:
+            raise InputError(f"topic {port.topic!r}: gives its port no name; expected one such as /camera/color")
+        if port.name in topics:
+            raise InputError(
+                f"topic {port.topic}: its port is called {port.name}, as is that of {topics[port.name]}; expected a"
+                " name of its own for each port"
+            )
+        topics[port.name] = port.topic
 
 
 def _encoder(port: LoggedPort, kind: type) -> Encoder:

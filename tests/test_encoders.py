@@ -1,7 +1,6 @@
 """Encoders: what a value becomes in the log, by type and by what the user has said."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,7 @@ from pydrake.systems.sensors import ImageBgr8U, ImageDepth16U, ImageRgba8U
 from test_runlog import make_perception
 
 from sum_drake import encoders
-from sum_drake.assets import InputError
-from sum_drake.encoders import Encoder, encoder_of, frames, joint_states, named, poses, register_encoder
-from sum_drake.mcap_log import McapLog
+from sum_drake.encoders import encoder_of, frames, joint_states, named, poses, register_encoder
 from sum_drake.runlog_reader import _color, frame_transforms
 from sum_drake.types import MotionStatus
 
@@ -104,20 +101,3 @@ def test_the_nearest_base_class_decides_and_the_user_has_the_last_word(monkeypat
     register_encoder(Record, lambda value, time, name: {"x": "one"})
     register_encoder(RigidTransform, lambda value, time, name: {"at": value.translation().tolist()})
     assert encoded(Record(1)) == {"x": "one"} and encoded(RigidTransform()) == {"at": [0.0, 0.0, 0.0]}
-
-
-def test_one_schema_a_topic(tmp_path: Path):
-    json, pose = (
-        Encoder(lambda value, time, name: {"x": value}),
-        Encoder(lambda value, time, name: poses(value, time, name)),
-    )
-    with McapLog(tmp_path / "log.mcap") as log:
-        assert log.write_change("/a", 0.0, 1, json, "a") and not log.write_change("/a", 0.5, 1, json, "a")
-        with pytest.raises(InputError, match=r"topic /a: was JSON and is now foxglove.FrameTransforms; expected one"):
-            log.write_change("/a", 1.0, np.eye(4), pose, "a")
-        assert not log.write_change("/a", -1.0, 2, json, "a"), "the log has passed that time"
-
-
-def test_a_file_that_cannot_be_made(tmp_path: Path):
-    with pytest.raises(InputError, match=r"cannot write the log .*; expected a folder that can be written"):
-        McapLog(tmp_path / "missing" / "log.mcap")

@@ -17,7 +17,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from sum_drake.assets import InputError
-from sum_drake.encoders import Encoder, named, raw_image
+from sum_drake.encoders import named
 from sum_drake.mcap_log import McapLog
 from sum_drake.runlog import RunLogWriter
 from sum_drake.runlog_reader import frame_transforms, read_run_log
@@ -187,6 +187,30 @@ def test_a_topic_that_is_used_twice_is_refused(tmp_path: Path) -> None:
         PortLog(log=writer.file, ports=[LoggedPort("tf", "/tf", 1)])
 
 
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        (
+            ["/a/b", "/a.b"],
+            "topic /a.b: its port is called a.b, as is that of /a/b; expected a name of its own for each",
+        ),
+        (["/a", "a/"], "topic a/: its port is called a, as is that of /a; expected a name of its own"),
+        (["/a", "/"], "topic '/': gives its port no name; expected one such as /camera/color"),
+    ],
+)
+def test_topics_whose_ports_cannot_be_told_apart_are_refused(tmp_path: Path, topics: list[str], said: str) -> None:
+    """And leave their topics to others, as `/a/b` and `/a/c` are."""
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([1.0])).get_output_port()
+    with McapLog(tmp_path / "log.mcap") as log:
+        with pytest.raises(InputError) as refused:
+            log_ports(builder, log, dict.fromkeys(topics, source))
+        log_ports(builder, log, dict.fromkeys([topics[0], "/a/c"], source), period=0.1)
+        Simulator(builder.Build()).Initialize()
+    assert said in str(refused.value) and "\n" not in str(refused.value)
+    assert set(messages(tmp_path / "log.mcap")) == {topics[0], "/a/c"}
+
+
 def test_an_encoder_for_a_topic_that_is_not_there(tmp_path: Path) -> None:
     with (
         McapLog(tmp_path / "log.mcap") as log,
@@ -216,14 +240,3 @@ def test_the_page_works_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [(schema, b"3.0 m/s" in data) for schema, _, data in messages(tmp_path / "own.mcap")["/p0"]] == [
         ("foxglove.Log", True)
     ]
-
-
-def test_whatever_an_encoder_raises_is_one_line_and_a_key_may_be_none(tmp_path: Path) -> None:
-    with McapLog(tmp_path / "log.mcap") as log:
-        with pytest.raises(InputError, match=r"port speed: its float cannot be encoded"):
-            log.write_change("/speed", 0.0, 1.0, Encoder(named(["x"])), "speed")
-        with pytest.raises(InputError, match=r"port depth: its ndarray cannot be encoded"):
-            log.write_change("/depth", 0.0, np.zeros((0, 0), np.float32), Encoder(raw_image), "depth")
-        keyed = Encoder(lambda value, time, name: {"value": value}, key=lambda value: None)
-        assert log.write_change("/keyed", 0.0, 1.0, keyed, "keyed")
-        assert not log.write_change("/keyed", 1.0, 2.0, keyed, "keyed")
