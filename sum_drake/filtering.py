@@ -5,7 +5,7 @@
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,7 @@ from sum_drake.modes import Modes, expected_hits, near_share, tempered
 from sum_drake.particles import Particles, join, poses, resampled, to_camera, to_world
 from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
-from sum_drake.search import Sought, rivals, score, search, start
+from sum_drake.search import Sought, Watch, rivals, score, search, start
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.support import support_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
@@ -139,6 +139,7 @@ class PoseEstimator:
         rng: np.random.Generator,
         prior: PoseBelief | None = None,
         before: float = 0.0,
+        watch: Callable[[PoseBelief], None] | None = None,
     ) -> PoseEstimate:
         """The pose belief of an object `label` in `box`, world frame.
 
@@ -146,7 +147,8 @@ class PoseEstimator:
         refined in a few iterations, among them a share of fresh particles, so that a prior which the box contradicts
         is given up. Where that explains the box less well than the object was explained before (likelihood `before`),
         it is searched from scratch as well, and the likelier counts. A box without a valid observation gives
-        likelihood 0 and the prior, or a wide belief.
+        likelihood 0 and the prior, or a wide belief. `watch` is told the particles of each iteration of a search, in
+        the world frame, with the weights that the next is drawn by.
 
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
@@ -165,9 +167,16 @@ class PoseEstimator:
         if observation.n < max(tolerance.least_points, 1):
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
         sought = Sought(observation, model, self._catalogue[label].symmetry, config)
+
+        def seen(particles: Particles, scores: Tensor) -> None:
+            if watch is not None:
+                weights = tempered(scores, config.effective_share).double().numpy()
+                X_WOs = to_world(particles, frame, model.p_OM)
+                watch(PoseBelief(readonly(X_WOs), readonly(weights / weights.sum())))
+
         if prior is None:
             particles = start(sought, config.particles, rng)
-            return _told(frame, sought, self._search(sought, label, particles, config.iterations, 0.0, rng))
+            return _told(frame, sought, self._search(sought, label, particles, config.iterations, 0.0, rng, seen))
         held = resampled(to_camera(prior, frame, model.p_OM), prior.weights, config.tracking_particles, rng)
         fresh = start(sought, int(config.fresh * config.tracking_particles), rng)
         particles = join(held[len(fresh) :], fresh)
@@ -178,11 +187,11 @@ class PoseEstimator:
             candidates=min(config.candidates, config.tracking_candidates),
         )
         again = dataclasses.replace(sought, config=few)
-        tracked = self._search(again, label, particles, config.tracking_iterations, 0.5, rng, held)
+        tracked = self._search(again, label, particles, config.tracking_iterations, 0.5, rng, seen, held)
         if config.candidates == 0 or tracked.likelihood(config) >= before - config.tracking_loss:
             return _told(frame, sought, tracked)
         particles = start(sought, config.particles, rng)
-        found = self._search(sought, label, particles, config.iterations, 0.0, rng, held)
+        found = self._search(sought, label, particles, config.iterations, 0.0, rng, seen, held)
         return _told(frame, sought, max(tracked, found, key=lambda one: one.best))
 
     def _search(
@@ -193,10 +202,11 @@ class PoseEstimator:
         iterations: int,
         begin: float,
         rng: np.random.Generator,
+        watch: Watch,
         held: Particles | None = None,
     ) -> "_Outcome":
         """What a search that starts with particles comes to. held: particles of the prior, if there is one."""
-        particles, scores = search(sought, particles, iterations, begin, rng)
+        particles, scores = search(sought, particles, iterations, begin, rng, watch)
         if sought.config.candidates == 0:
             return self._as_published(sought, label, particles, scores)
         return self._among_rivals(sought, label, particles, scores, rng, held)

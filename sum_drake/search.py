@@ -5,6 +5,7 @@ against what the object's near symmetries make of them.
 """
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -81,8 +82,17 @@ def start(sought: Sought, n: int, rng: np.random.Generator) -> Particles:
     return Particles(R_COs, p_CQs - rays * along.gather(1, nearest[:, None]))
 
 
+Watch = Callable[[Particles, Tensor], None]
+"""Told the particles of an iteration and their log-likelihoods (n,)."""
+
+
 def search(
-    sought: Sought, particles: Particles, iterations: int, begin: float, rng: np.random.Generator
+    sought: Sought,
+    particles: Particles,
+    iterations: int,
+    begin: float,
+    rng: np.random.Generator,
+    watch: Watch | None = None,
 ) -> tuple[Particles, Tensor]:
     """Iterated likelihood weighting. Returns the last particles, weighted by their scores, not yet resampled.
 
@@ -105,6 +115,8 @@ def search(
             if config.effective_share > 0:
                 particles = join(best, particles[1:])
         scores = score(sought, particles, epsilon)
+        if watch is not None:
+            watch(particles, scores)
     return particles, scores
 
 

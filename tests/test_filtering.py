@@ -95,6 +95,25 @@ def test_default_finds_objects_from_their_boxes(estimator: PoseEstimator, frame_
     assert estimate.belief.weights[p < 0.02].sum() > 0.8
 
 
+def test_who_watches_sees_the_belief_sharpen_and_changes_nothing(estimator: PoseEstimator, frame_and_truth) -> None:
+    frame, truth = frame_and_truth
+    label = next(iter(PLACES))
+    X_WO, box = truth[label]
+    seen: list[PoseBelief] = []
+    found = [
+        estimator.estimate(frame, box, label, rng=np.random.default_rng(3), watch=watch)
+        for watch in (seen.append, None)
+    ]
+    assert len(seen) == FilterConfig().iterations
+    near = []
+    for belief in seen:
+        assert belief.weights.sum() == pytest.approx(1.0) and belief.X_WOs.shape == (len(belief.weights), 4, 4)
+        away = np.linalg.norm(belief.X_WOs[:, :3, 3] - X_WO[:3, 3], axis=1)
+        near.append(belief.weights[away < 0.02].sum())
+    assert near[0] < 0.5 < 0.9 < near[-1]
+    np.testing.assert_array_equal(found[0].belief.X_WOs, found[1].belief.X_WOs)
+
+
 def test_the_right_label_is_likelier_than_a_wrong_one(estimator: PoseEstimator, frame_and_truth) -> None:
     frame, truth = frame_and_truth
     box = truth["tide"][1]
