@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 
 ONE_THREAD = {
     "OMP_NUMONE_THREAD": "1",
@@ -20,7 +21,11 @@ ONE_THREAD = {
 
 @contextlib.contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Processes that are spawned in the block have one thread each."""
+    """Processes that are spawned in the block have one thread each, and take no notice of Ctrl-C from their start on.
+
+    In this process it waits until the block is left.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which they inherit
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
@@ -31,6 +36,15 @@ def one_thread_each() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def give_up(pool: ProcessPoolExecutor) -> None:
+    """Ends a pool, and what its processes are at, which is lost."""
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in multiprocessing.active_children():
+        process.terminate()
+    pool.shutdown()
 
 
 def belong_to_parent() -> None:

@@ -28,6 +28,32 @@ def is_running(pid):
     return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
+def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
+    """While they still import what they need, too: what they had to say of it would be pages."""
+    script = tmp_path / "start.py"
+    pool = START.index("    pool =")
+    script.write_text(
+        START[:pool].replace("belong_to_parent", "belong_to_parent, give_up, one_thread_each")
+        + "    pool = ProcessPoolExecutor(2, multiprocessing.get_context('spawn'), belong_to_parent)\n"
+        "    try:\n"
+        "        with one_thread_each():\n"
+        "            found = pool.map(time.sleep, [60.0, 60.0])\n"
+        "            print(*pool._processes, flush=True)\n"
+        "        list(found)\n"
+        "    except KeyboardInterrupt:\n"
+        "        give_up(pool)\n"
+        "        print('given up', flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    workers = [int(pid) for pid in process.stdout.readline().split()]
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
+    out, err = process.communicate(timeout=50)
+    assert (out, err, process.returncode) == ("given up\n", "", 0)
+    assert len(workers) == 2 and not any(map(is_running, workers))
+
+
 def test_workers_do_not_outlive_one_who_is_killed(tmp_path):
     script = tmp_path / "start.py"
     script.write_text(START)
