@@ -38,9 +38,9 @@ def test_it_does_not_matter_where_a_pose_is_estimated(seen):
         np.testing.assert_array_equal(one.X_WO, other.X_WO)
         np.testing.assert_array_equal(one.belief.weights, other.belief.weights)
         assert one.features == other.features
-    assert len(seconds) == 3
+    assert len(seconds) == 1 + len(boxes), "one mesh, and then each pose"
     assert min(seconds) >= 0
-    assert seconds[1] > 0.1, "what the processes took is told"
+    assert sum(seconds[1:]) > 0.1, "what the processes took is told"
 
 
 def _die(*arguments):
