@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -50,8 +50,10 @@ class PoseWorkers:
             ProcessPoolExecutor(1, context, _begin, (catalogue, config, noise, device)) for _ in range(workers)
         ]
         self._known: list[set[str]] = [set() for _ in range(workers)]
+        others = multiprocessing.active_children()
         with one_thread_each():
-            self._started = [pool.submit(_ready) for pool in self._pools]
+            self._asked: Sequence[Future[Any]] = [pool.submit(_ready) for pool in self._pools]
+            self._processes = [process for process in multiprocessing.active_children() if process not in others]
 
     def __enter__(self) -> Self:
         return self
@@ -62,9 +64,13 @@ class PoseWorkers:
         self.close()
 
     def close(self) -> None:
-        """Ends the processes."""
+        """Ends the processes; what they are at, after an error or an interrupt here, is lost, and not waited for."""
+        at_work = any(not future.done() for future in self._asked)
+        if at_work:
+            for process in self._processes:
+                process.terminate()
         for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(wait=at_work, cancel_futures=True)
 
     def warm_all(self, labels: Sequence[str]) -> None:
         """Makes ready for labels, shared out among the processes."""
@@ -80,6 +86,7 @@ class PoseWorkers:
         return [found[k] for k in np.argsort(order)]
 
     def _gather(self, futures: Sequence[Future[tuple[T, float]]]) -> list[T]:
+        self._asked = futures
         try:
             for future in as_completed(futures):
                 self._on_cpu(future.result()[1])

@@ -41,10 +41,9 @@ def one_thread_each() -> Iterator[None]:
 
 def give_up(pool: ProcessPoolExecutor) -> None:
     """Ends a pool, and what its processes are at, which is lost."""
-    pool.shutdown(wait=False, cancel_futures=True)
     for process in multiprocessing.active_children():
         process.terminate()
-    pool.shutdown()
+    pool.shutdown(cancel_futures=True)
 
 
 def belong_to_parent() -> None:
