@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
 ONE_THREAD = {
-    "OMP_NUMONE_THREAD": "1",
-    "MKL_NUMONE_THREAD": "1",
-    "OPENBLAS_NUMONE_THREAD": "1",
-    "NUMBA_NUMONE_THREAD": "1",
-    "LP_NUMONE_THREAD": "0",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "LP_NUM_THREADS": "0",
 }
 """Of numerical libraries and of Mesa's renderer, which count them when a process starts."""
 

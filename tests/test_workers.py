@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+from sum_drake.workers import ONE_THREAD, one_thread_each
+
 START = """
 import multiprocessing, os, sys, time
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +28,19 @@ def is_running(pid):
     except ProcessLookupError:
         return False
     return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_processes_that_are_started_have_one_thread_each(monkeypatch):
+    """And whoever starts them is as before."""
+    for name in ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
+    ask = (
+        "import os, numba, torch; print(torch.get_num_threads(), numba.get_num_threads(), os.getenv('LP_NUM_THREADS'))"
+    )
+    with one_thread_each():
+        told = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True).stdout
+    assert told == "1 1 0\n"
+    assert not ONE_THREAD.keys() & os.environ.keys()
 
 
 def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
