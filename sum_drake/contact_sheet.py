@@ -1,6 +1,7 @@
 """A contact sheet: what the objects of a catalogue look like, rendered by Drake's RenderEngineVtk."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -67,11 +68,21 @@ def render_model(model: ObjectModel, *, azimuth: float = 25.0, elevation: float 
     return np.array(image.data[..., :3])
 
 
-def render_contact_sheet(catalogue: Catalogue, labels: Sequence[str] | None = None) -> Image:
-    """Two views of each object with label, size, mass and category, five objects a row, (h, w, 3) RGB."""
+def render_contact_sheet(
+    catalogue: Catalogue,
+    labels: Sequence[str] | None = None,
+    *,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> Image:
+    """Two views of each object with label, size, mass and category, five objects a row, (h, w, 3) RGB.
+
+    progress: told how many objects of how many are drawn.
+    """
     size, caption, columns = 220, 62, 5
-    cells = []
-    for model in [catalogue[label] for label in labels or catalogue.labels]:
+    cells: list[NDArray[Any]] = []
+    models = [catalogue[label] for label in labels or catalogue.labels]
+    for model in models:
+        progress("rendering objects", len(cells), len(models))
         views = [render_model(model, azimuth=a, elevation=e, size=size) for a, e in _VIEWS]
         cell = np.concatenate([np.concatenate(views, 1), np.full((caption, 2 * size, 3), 255, np.uint8)])
         extents = " x ".join(f"{1e3 * extent:.0f}" for extent in model.dimensions)
@@ -81,6 +92,7 @@ def render_contact_sheet(catalogue: Catalogue, labels: Sequence[str] | None = No
             at = (10, size + 22 + 25 * k)
             cv2.putText(cell, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, 1, cv2.LINE_AA)
         cells.append(cv2.copyMakeBorder(cell, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=(225, 225, 225)))
+    progress("rendering objects", len(models), len(models))
     cells += [np.full_like(cells[0], 255)] * (-len(cells) % min(columns, len(cells)))
     width = min(columns, len(cells))
     return np.concatenate([np.concatenate(cells[i : i + width], 1) for i in range(0, len(cells), width)])

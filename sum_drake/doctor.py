@@ -6,6 +6,7 @@ import platform
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -108,18 +109,19 @@ def _processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
-def diagnose() -> list[Check]:
-    """Everything worth knowing before a first run, in the order in which to read it."""
-    checks = [Check(name, "bad" if version == "missing" else "ok", version) for name, version in versions().items()]
+def diagnose() -> Iterator[Check]:
+    """Everything worth knowing before a first run, in the order in which to read it, each as it is found."""
+    for name, version in versions().items():
+        yield Check(name, "bad" if version == "missing" else "ok", version)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    checks.append(Check("cores", "ok" if cores >= 2 else "warning", str(cores)))
-    checks.append(Check("memory", "ok" if memory >= 4 else "warning", f"{memory:.1f} GiB"))
-    checks += [_torch(), *_solvers()]
+    yield Check("cores", "ok" if cores >= 2 else "warning", str(cores))
+    yield Check("memory", "ok" if memory >= 4 else "warning", f"{memory:.1f} GiB")
+    yield _torch()
+    yield from _solvers()
     problem = egl_problem()
-    checks.append(Check("rendering", "bad" if problem else "ok", problem or _ask_egl().removeprefix("ok: ")))
-    checks.append(Check("depth render", "bad", "not tried") if problem else _depth_render())
-    return checks
+    yield Check("rendering", "bad" if problem else "ok", problem or _ask_egl().removeprefix("ok: "))
+    yield Check("depth render", "bad", "not tried") if problem else _depth_render()
 
 
 def _torch() -> Check:
@@ -191,7 +193,7 @@ def _depth_render() -> Check:
     return Check("depth render", "ok", f"640 x 480 in {milliseconds:.1f} ms")
 
 
-def format_checks(checks: list[Check]) -> str:
-    """The diagnosis as aligned text, one line each."""
-    width = max(len(check.name) for check in checks)
+def format_checks(checks: Sequence[Check]) -> str:
+    """A diagnosis, or a part of one, as aligned text, one line each."""
+    width = max(map(len, PACKAGES))  # no other name is as long
     return "\n".join(f"{c.status:8} {c.name:{width}}  {c.detail}" for c in checks)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -244,14 +244,18 @@ class Finding:
     """Whether a catalogue that holds the object can be loaded."""
 
 
-def check(path: Path | None = None) -> list[Finding]:
+def check(path: Path | None = None, tell: Callable[[Finding], None] = lambda finding: None) -> list[Finding]:
     """Every object of a catalogue file: faces, whether the mesh is closed, its extents, and what may cause trouble.
 
-    None is the package's catalogue. An object that cannot be used is a finding, too. Raises InputError for a file
-    that is no catalogue.
+    None is the package's catalogue. An object that cannot be used is a finding, too. tell: given each finding once it
+    is made. Raises InputError for a file that is no catalogue.
     """
     path = CATALOGUE if path is None else Path(path)
-    return [_check(path, label, entry) for label, entry in _read_entries(path)]
+    findings = []
+    for label, entry in _read_entries(path):
+        findings.append(_check(path, label, entry))
+        tell(findings[-1])
+    return findings
 
 
 def _check(path: Path, label: object, entry: object) -> Finding:

@@ -7,10 +7,10 @@ others wait there. Results do not depend on where they were computed.
 import multiprocessing
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -29,8 +29,9 @@ WARMING = 2.0
 class PoseWorkers:
     """`filtering.PoseEstimator` in `workers` processes that stay; a context manager that ends them.
 
-    noise, device: as of `PoseEstimator`. on_cpu: told the CPU seconds that the processes took, which the
-    caller's clock does not see. Raises RuntimeError where a process dies.
+    noise, device: as of `PoseEstimator`. on_cpu: told the CPU seconds that a process took for a label to be made
+    ready for, or a pose estimated, which the caller's clock does not see, each once it is done. Raises RuntimeError
+    where a process dies.
     """
 
     def __init__(
@@ -49,8 +50,10 @@ class PoseWorkers:
             ProcessPoolExecutor(1, context, _begin, (catalogue, config, noise, device)) for _ in range(workers)
         ]
         self._known: list[set[str]] = [set() for _ in range(workers)]
+        others = multiprocessing.active_children()
         with one_thread_each():
-            self._started = [pool.submit(_ready) for pool in self._pools]
+            self._asked: Sequence[Future[Any]] = [pool.submit(_ready) for pool in self._pools]
+            self._processes = [process for process in multiprocessing.active_children() if process not in others]
 
     def __enter__(self) -> Self:
         return self
@@ -61,31 +64,35 @@ class PoseWorkers:
         self.close()
 
     def close(self) -> None:
-        """Ends the processes."""
+        """Ends the processes; what they are at, after an error or an interrupt here, is lost, and not waited for."""
+        at_work = any(not future.done() for future in self._asked)
+        if at_work:
+            for process in self._processes:
+                process.terminate()
         for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(wait=at_work, cancel_futures=True)
 
     def warm_all(self, labels: Sequence[str]) -> None:
         """Makes ready for labels, shared out among the processes."""
         to_do = zip(self._pools, self._share_out(labels), strict=True)
-        self._gather([pool.submit(_warm, [labels[i] for i in share]) for pool, share in to_do])
+        self._gather([pool.submit(_warm, labels[i]) for pool, share in to_do for i in share])
 
     def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
         """`PoseEstimator.estimate_all`, shared out among the processes."""
         shares = self._share_out([one.label for one in requests])
         to_do = zip(self._pools, shares, strict=True)
-        done = self._gather([pool.submit(_estimate, frame, [requests[i] for i in share]) for pool, share in to_do])
+        found = self._gather([pool.submit(_estimate, frame, requests[i]) for pool, share in to_do for i in share])
         order = [i for share in shares for i in share]
-        found = [one for estimates in done for one in estimates]
         return [found[k] for k in np.argsort(order)]
 
     def _gather(self, futures: Sequence[Future[tuple[T, float]]]) -> list[T]:
+        self._asked = futures
         try:
-            done = [future.result() for future in futures]
+            for future in as_completed(futures):
+                self._on_cpu(future.result()[1])
         except BrokenProcessPool as error:
             raise RuntimeError("a process that estimates poses died, perhaps for lack of memory") from error
-        self._on_cpu(sum(seconds for _, seconds in done))
-        return [result for result, _ in done]
+        return [future.result()[0] for future in futures]
 
     def _share_out(self, labels: Sequence[str]) -> list[list[int]]:
         """Which requests each process takes: each goes where it will be done first."""
@@ -113,15 +120,16 @@ def _ready() -> None:
     """Nothing: a process starts with its first task."""
 
 
-def _warm(labels: Sequence[str]) -> tuple[None, float]:
+def _warm(label: str) -> tuple[None, float]:
     assert _estimator is not None
     start = time.process_time()
-    _estimator.warm_all(labels)
+    _estimator.warm(label)
     return None, time.process_time() - start
 
 
-def _estimate(frame: Frame, requests: Sequence[PoseRequest]) -> tuple[list[PoseEstimate], float]:
-    """The estimates, and the CPU seconds that they took."""
+def _estimate(frame: Frame, request: PoseRequest) -> tuple[PoseEstimate, float]:
+    """The estimate, and the CPU seconds that it took."""
     assert _estimator is not None
     start = time.process_time()
-    return _estimator.estimate_all(frame, requests), time.process_time() - start
+    (found,) = _estimator.estimate_all(frame, [request])
+    return found, time.process_time() - start

@@ -7,20 +7,25 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 
 ONE_THREAD = {
-    "OMP_NUMONE_THREAD": "1",
-    "MKL_NUMONE_THREAD": "1",
-    "OPENBLAS_NUMONE_THREAD": "1",
-    "NUMBA_NUMONE_THREAD": "1",
-    "LP_NUMONE_THREAD": "0",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "LP_NUM_THREADS": "0",
 }
 """Of numerical libraries and of Mesa's renderer, which count them when a process starts."""
 
 
 @contextlib.contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Processes that are spawned in the block have one thread each."""
+    """Processes that are spawned in the block have one thread each, and take no notice of Ctrl-C from their start on.
+
+    In this process it waits until the block is left.
+    """
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which they inherit
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
     try:
@@ -31,6 +36,14 @@ def one_thread_each() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def give_up(pool: ProcessPoolExecutor) -> None:
+    """Ends a pool, and what its processes are at, which is lost."""
+    for process in multiprocessing.active_children():
+        process.terminate()
+    pool.shutdown(cancel_futures=True)
 
 
 def belong_to_parent() -> None:

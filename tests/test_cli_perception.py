@@ -34,7 +34,8 @@ def test_detections_in_a_picture_are_written_drawn_and_told(capsys, tmp_path, we
     depth = str(tmp_path / "depth.png")
     with_edges = ("--proposer", "edge_boxes", "--depth", depth)
     assert main(["detect", str(photo), *with_edges, "--weights", str(weights), "--out", str(out)]) == 0
-    told = capsys.readouterr().out.splitlines()
+    told, err = (text.splitlines() for text in capsys.readouterr())
+    assert err == ["detecting: 0 of 1", "detecting: 1 of 1, 0 s left"]
     found = json.loads((out / "detections.json").read_text())
     assert len(found) == len(told) - 2 > 0, "one line each, between a head and the picture's name"
     for row in found:
@@ -77,8 +78,13 @@ def test_poses_in_a_frame_are_written_drawn_and_told(capsys, tmp_path):
     (folder / "detections.json").write_text(json.dumps(rows))
     out = tmp_path / "out"
     estimate = ("estimate", str(folder), "--out", str(out), "--workers", "1", "--quiet")
-    assert main(estimate) == 0
-    told = capsys.readouterr().out.splitlines()
+    assert main(estimate[:-1]) == 0
+    out_text, err = capsys.readouterr()
+    told = out_text.splitlines()
+    assert [line.split(",")[0] for line in err.splitlines()] == [
+        "looking at meshes: 0 of 1", "looking at meshes: 1 of 1",
+        "estimating poses: 0 of 2", "estimating poses: 2 of 2",
+    ]  # fmt: skip
     assert told[1].startswith("soup_can") and "no 'unicorn'" in told[2]
     found = json.loads((out / "estimates.json").read_text())
     assert found["schema"] == "sum-drake/estimates/1"
@@ -123,8 +129,10 @@ def test_a_training_is_followed_drawn_and_told(capsys, tmp_path):
     out, err = capsys.readouterr()
     assert out.strip() == str(tmp_path / "out" / "detector.safetensors")
     told = err.splitlines()
-    assert told[0].startswith("before the first step, on validation: map50 0.0")
-    assert told[1].startswith("epoch 1 of 1, on validation: map50 ")
+    assert told[:2] == ["validating: 0 of 2", "validating: 2 of 2, 0 s left"]
+    assert told[2].startswith("before the first step, on validation: map50 0.0")
+    assert told[5].startswith("epoch 1 of 1, on validation: map50 ")
+    assert told[6].startswith("calibrating: 0 of 2")
     card = (tmp_path / "out" / "detector.md").read_text()
     assert "trained on 8 pictures, 16 crops of objects" in card
     assert load_weights(tmp_path / "out" / "detector.safetensors").labels == ("red", "green")

@@ -26,7 +26,9 @@ def test_print_shows_in_the_render(catalogue: Catalogue, label: str) -> None:
 
 
 def test_contact_sheet(catalogue: Catalogue) -> None:
-    sheet = render_contact_sheet(catalogue, ["tide", "mug"])
+    told = []
+    sheet = render_contact_sheet(catalogue, ["tide", "mug"], progress=lambda *now: told.append(now[1:]))
+    assert told == [(0, 2), (1, 2), (2, 2)]
     assert sheet.dtype == np.uint8 and sheet.ndim == 3
     again = render_contact_sheet(catalogue, ["tide", "mug"])
     np.testing.assert_array_equal(sheet, again)

@@ -26,6 +26,7 @@ def rendered(catalogue: Catalogue, tmp_path_factory: pytest.TempPathFactory) -> 
     out = tmp_path_factory.mktemp("data") / "detect"
     told: list[tuple[str, int, int]] = []
     render_dataset(catalogue, out, TINY, report=lambda *what: told.append(what))
+    assert told.pop(0)[:2] == ("rendering", 0)
     assert told == [
         ("validation/00000", 1, 5), ("train/00000", 3, 5), ("test/00000", 4, 5), ("shift/00000", 5, 5),
     ]  # fmt: skip
@@ -62,6 +63,7 @@ def test_workers_write_the_same_bytes_and_a_second_call_goes_on(
     untouched = (copy / "test" / "00000" / "0.jpg").stat().st_mtime_ns
     told: list[tuple[str, int, int]] = []
     render_dataset(catalogue, copy, TINY, workers=2, report=lambda *what: told.append(what))
+    assert told.pop(0) == ("rendering", 0, 3)
     assert sorted(name for name, _, _ in told) == ["shift/00000", "train/00000"] and told[-1][1:] == (3, 3)
     assert files(copy) == files(rendered)
     assert (copy / "test" / "00000" / "0.jpg").stat().st_mtime_ns == untouched
@@ -182,5 +184,5 @@ def test_the_command_goes_on_and_ends_with_the_table(
     assert cli.main(["dataset", "--out", str(copy), "--seed", "5", "--workers", "1"]) == 0
     captured = capsys.readouterr()
     assert captured.out == describe(copy) + "\n"
-    assert captured.err == "test/00000: 1 of 1\n"
+    assert captured.err == "rendering: 0 of 1\ntest/00000: 1 of 1, 0 s left\n"
     assert read_settings(copy)["seed"] == 5

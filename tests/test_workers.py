@@ -7,6 +7,8 @@ import sys
 import time
 from pathlib import Path
 
+from sum_drake.workers import ONE_THREAD, one_thread_each
+
 START = """
 import multiprocessing, os, sys, time
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +28,45 @@ def is_running(pid):
     except ProcessLookupError:
         return False
     return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+
+
+def test_processes_that_are_started_have_one_thread_each(monkeypatch):
+    """And whoever starts them is as before."""
+    for name in ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
+    ask = (
+        "import os, numba, torch; print(torch.get_num_threads(), numba.get_num_threads(), os.getenv('LP_NUM_THREADS'))"
+    )
+    with one_thread_each():
+        told = subprocess.run([sys.executable, "-c", ask], capture_output=True, text=True, check=True).stdout
+    assert told == "1 1 0\n"
+    assert not ONE_THREAD.keys() & os.environ.keys()
+
+
+def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
+    """While they still import what they need, too: what they had to say of it would be pages."""
+    script = tmp_path / "start.py"
+    pool = START.index("    pool =")
+    script.write_text(
+        START[:pool].replace("belong_to_parent", "belong_to_parent, give_up, one_thread_each")
+        + "    pool = ProcessPoolExecutor(2, multiprocessing.get_context('spawn'), belong_to_parent)\n"
+        "    try:\n"
+        "        with one_thread_each():\n"
+        "            found = pool.map(time.sleep, [60.0, 60.0])\n"
+        "            print(*pool._processes, flush=True)\n"
+        "        list(found)\n"
+        "    except KeyboardInterrupt:\n"
+        "        give_up(pool)\n"
+        "        print('given up', flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    workers = [int(pid) for pid in process.stdout.readline().split()]
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
+    out, err = process.communicate(timeout=50)
+    assert (out, err, process.returncode) == ("given up\n", "", 0)
+    assert len(workers) == 2 and not any(map(is_running, workers))
 
 
 def test_workers_do_not_outlive_one_who_is_killed(tmp_path):

@@ -31,7 +31,7 @@ from sum_drake.detection.proposers import LEARNED, PROPOSERS
 from sum_drake.detection.weights import DEFAULT
 from sum_drake.files import write_whole
 from sum_drake.objects import Catalogue
-from sum_drake.workers import belong_to_parent, one_thread_each
+from sum_drake.workers import belong_to_parent, give_up, one_thread_each
 
 FILES = ("results.json", "report.html")
 IMAGES, QUICK_IMAGES = 200, 20
@@ -198,8 +198,12 @@ def _measure_all(
     progress("measuring", 0, len(tasks))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, belong_to_parent) as pool:
-        with one_thread_each():
-            found = pool.map(measure, tasks)
-        for done, one in enumerate(found, 1):
-            progress("measuring", done, len(tasks))
-            yield one
+        try:
+            with one_thread_each():
+                found = pool.map(measure, tasks)
+            for done, one in enumerate(found, 1):
+                progress("measuring", done, len(tasks))
+                yield one
+        except BaseException:
+            give_up(pool)
+            raise

@@ -16,7 +16,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.files import write_whole
 from sum_drake.jsonio import decode, encode
 from sum_drake.objects import Catalogue
-from sum_drake.workers import belong_to_parent, one_thread_each
+from sum_drake.workers import belong_to_parent, give_up, one_thread_each
 
 Task = tuple[str | int, ...]
 """What tells a task from others."""
@@ -127,16 +127,14 @@ def run_tasks(
     progress("measuring", len(tasks) - len(left), len(tasks))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, functools.partial(_begin, begin), arguments) as pool:
-        with one_thread_each():
-            futures = {pool.submit(measure, *task): task for task in left}
         try:
+            with one_thread_each():
+                futures = {pool.submit(measure, *task): task for task in left}
             for future in as_completed(futures):
                 log.add(futures[future], future.result())
                 progress("measuring", sum(task in log.done for task in tasks), len(tasks))
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in multiprocessing.active_children():
-                process.terminate()  # what they are at takes minutes, and is lost either way
+            give_up(pool)  # what they are at takes minutes, and is lost either way
             raise
     return [log.done[task] for task in tasks]
 

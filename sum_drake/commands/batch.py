@@ -14,6 +14,7 @@ from sum_drake.commands.common import (
     add_quiet,
     add_scenario,
     check_count,
+    if_interrupted,
     scenario_of,
 )
 
@@ -101,10 +102,9 @@ def _run(options: argparse.Namespace) -> None:
         from sum_drake.cluster import Cluster
 
         executor = Cluster(options.cluster)
-    try:
+    kept = f"{options.out} keeps what was done: the same command goes on"
+    with if_interrupted(lambda: kept, quiet=options.quiet):
         told = run_batch(options.out, specs, settings, executor, Counting(quiet=options.quiet))
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"{options.out} keeps what was done: the same command goes on") from None
     if not options.quiet:
         figures = told["figures"]
         share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))

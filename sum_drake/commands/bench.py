@@ -13,6 +13,7 @@ from sum_drake.commands.common import (
     add_group,
     add_parallel,
     add_quiet,
+    anew_if_interrupted,
     check_count,
     check_device,
     check_free,
@@ -68,9 +69,10 @@ def _bench_speed(options: argparse.Namespace) -> None:
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
     progress = Counting(quiet=options.quiet)
-    found = bench_speed(
-        options.out, catalogue, quick=options.quick, seed=options.seed, device=options.device, progress=progress
-    )
+    with anew_if_interrupted(options.out, quiet=options.quiet):
+        found = bench_speed(
+            options.out, catalogue, quick=options.quick, seed=options.seed, device=options.device, progress=progress
+        )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")
 
@@ -175,16 +177,17 @@ def _bench_detect(options: argparse.Namespace) -> None:
     catalogue = load_catalogue(options.catalogue)
     if options.data is None:
         require_rendering()
-    found = bench_detect(
-        options.out,
-        catalogue,
-        quick=options.quick,
-        seed=options.seed,
-        data=options.data,
-        weights=options.weights,
-        device=options.device,
-        workers=options.workers,
-        progress=Counting(quiet=options.quiet),
-    )
+    with anew_if_interrupted(options.out, quiet=options.quiet):
+        found = bench_detect(
+            options.out,
+            catalogue,
+            quick=options.quick,
+            seed=options.seed,
+            data=options.data,
+            weights=options.weights,
+            device=options.device,
+            workers=options.workers,
+            progress=Counting(quiet=options.quiet),
+        )
     print(format_figures(found, AIMS))
     print(options.out / "report.html")

@@ -16,6 +16,7 @@ from sum_drake.commands.common import (
     add_quiet,
     check_count,
     check_free,
+    if_interrupted,
 )
 
 if TYPE_CHECKING:
@@ -146,10 +147,9 @@ def _run(
     specs, settings = prepare(scenario, options.seed, runs)
     check_batch(options.out / files[-1], settings)
     require_rendering()
-    try:
+    kept = f"{options.out / files[-1]} keeps what was done: the same command goes on"
+    with if_interrupted(lambda: kept, quiet=options.quiet):
         found = bench(specs, settings)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"{options.out / files[-1]} keeps what was done: the same command goes on") from None
     print(format_figures(found, aims))
     print(options.out / "report.html")
 

@@ -158,15 +158,34 @@ def check_free_or_begun(options: argparse.Namespace, files: Sequence[str]) -> No
 
 
 @contextlib.contextmanager
-def kept_if_interrupted(options: argparse.Namespace) -> Iterator[None]:
-    """Within, an interrupt says what a bench has kept in --out and how it goes on."""
+def if_interrupted(say: Callable[[], str], *, quiet: bool) -> Iterator[None]:
+    """Within, an interrupt says what `say` then does: what is kept, and how to go on. quiet: no progress was shown."""
     try:
         yield
     except KeyboardInterrupt:
-        if sys.stderr.isatty() and not options.quiet:
+        if sys.stderr.isatty() and not quiet:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
+        raise KeyboardInterrupt(say()) from None
+
+
+def kept_if_interrupted(options: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
+    """Within, an interrupt says what a bench has kept in --out and how it goes on."""
+
+    def say() -> str:
         rows = options.out / "rows.jsonl"
         if not rows.is_file():
-            raise KeyboardInterrupt("nothing was written") from None
+            return "nothing was written"
         same = "the same command without --force" if options.force else "the same command"
-        raise KeyboardInterrupt(f"{rows} keeps what was done: {same} goes on") from None
+        return f"{rows} keeps what was done: {same} goes on"
+
+    return if_interrupted(say, quiet=options.quiet)
+
+
+def anew_if_interrupted(out: Path | None, *, quiet: bool) -> contextlib.AbstractContextManager[None]:
+    """Within, an interrupt says that nothing was written to `out` yet, and that the same command begins anew."""
+
+    def say() -> str:
+        kept = "nothing was written" if out is None or not out.exists() else f"{out} is as it was"
+        return f"{kept}; the same command begins anew"
+
+    return if_interrupted(say, quiet=quiet)

@@ -14,9 +14,11 @@ from sum_drake.commands.common import (
     add_command,
     add_parallel,
     add_quiet,
+    anew_if_interrupted,
     check_count,
     check_device,
     check_free,
+    if_interrupted,
 )
 from sum_drake.files import write_whole
 
@@ -83,6 +85,7 @@ def add(commands: Commands) -> None:
     detect.add_argument("--weights", type=Path, metavar="FILE", help="detector (default: the package's)")
     detect.add_argument("--out", type=Path, metavar="DIR", help="where to (default: out/detected/PICTURE)")
     detect.add_argument("--force", action="store_true", help="replace the detections that are in the folder")
+    add_quiet(detect)
 
 
 def _dataset(options: argparse.Namespace) -> None:
@@ -107,9 +110,14 @@ def _render_dataset(catalogue: Path | None, out: Path, plan: "Plan", *, workers:
     from sum_drake.doctor import require_rendering
     from sum_drake.objects import load_catalogue
 
+    def kept() -> str:
+        begun = (out / "dataset.json").is_file()
+        return f"{out} keeps what was rendered: the same command goes on" if begun else "nothing was written"
+
     objects = load_catalogue(catalogue)
     require_rendering()
-    render_dataset(objects, out, plan, workers=workers, report=Counting(quiet=quiet))
+    with if_interrupted(kept, quiet=quiet):
+        render_dataset(objects, out, plan, workers=workers, report=Counting(quiet=quiet))
 
 
 def _train(options: argparse.Namespace) -> None:
@@ -147,6 +155,11 @@ def _train(options: argparse.Namespace) -> None:
         if not options.quiet:
             print(line, file=sys.stderr, flush=True)
 
+    def kept() -> str:
+        if (options.out / "checkpoint.pt").is_file():
+            return f"{options.out} keeps what was learned until its last checkpoint: the same command goes on"
+        return "there is no checkpoint yet; the same command begins anew"
+
     require_start(recipe)
     if data is None:
         data = options.out / "data"
@@ -159,24 +172,26 @@ def _train(options: argparse.Namespace) -> None:
     def draw(weights: "Weights", images: "Sequence[ScoredImage]") -> None:
         write_plots(options.out, log(), images, weights)
 
-    weights = train(data, options.out, recipe, device=options.device, report=say, on_epoch=draw)
-    pictures = ImageSet(data, "train")
-    file = write_results(
-        options.out,
-        weights,
-        # What is written is rounded to 16 bits: that is what is looked at.
-        images=evaluate(Detector(rounded(weights)), ImageSet(data, "validation")),
-        log=log(),
-        recipe=dataclasses.asdict(recipe),
-        data=pictures.settings,
-        used={
-            "pictures": len(pictures),
-            "crops of objects": sum(is_scored(o) for i in range(len(pictures)) for o in pictures.objects(i)),
-            "other crops an epoch at least": round(len(pictures) * recipe.boxes * (1 - recipe.object_share)),
-        },
-        date=datetime.date.today().isoformat(),
-        versions=versions(),
-    )
+    progress = Counting(quiet=options.quiet)
+    with if_interrupted(kept, quiet=options.quiet):
+        weights = train(data, options.out, recipe, device=options.device, report=say, on_epoch=draw, progress=progress)
+        pictures = ImageSet(data, "train")
+        file = write_results(
+            options.out,
+            weights,
+            # What is written is rounded to 16 bits: that is what is looked at.
+            images=evaluate(Detector(rounded(weights)), ImageSet(data, "validation"), progress),
+            log=log(),
+            recipe=dataclasses.asdict(recipe),
+            data=pictures.settings,
+            used={
+                "pictures": len(pictures),
+                "crops of objects": sum(is_scored(o) for i in range(len(pictures)) for o in pictures.objects(i)),
+                "other crops an epoch at least": round(len(pictures) * recipe.boxes * (1 - recipe.object_share)),
+            },
+            date=datetime.date.today().isoformat(),
+            versions=versions(),
+        )
     print(file)
 
 
@@ -202,7 +217,11 @@ def _detect(options: argparse.Namespace) -> None:
     scale = 0.001 if options.depth_scale is None else options.depth_scale
     depth = read_depth(options.depth, color.shape[:2], scale=scale) if options.depth is not None else None
     detector = load_detector(options.weights, proposer=options.proposer, threshold=options.threshold)
-    detections = detector(color, depth)
+    tell = Counting(quiet=options.quiet)
+    with anew_if_interrupted(out, quiet=options.quiet):
+        tell("detecting", 0, 1)
+        detections = detector(color, depth)
+        tell("detecting", 1, 1)
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / names[0], detection_rows(detections))
     drawn = draw_detections(color, detections, detector.labels)

@@ -13,7 +13,9 @@ def add(commands: Commands) -> None:
 def _doctor(options: argparse.Namespace) -> None:
     from sum_drake import doctor
 
-    checks = doctor.diagnose()
-    print(doctor.format_checks(checks))
-    if any(check.status == "bad" for check in checks):
+    bad = False
+    for check in doctor.diagnose():
+        print(doctor.format_checks([check]), flush=True)
+        bad = bad or check.status == "bad"
+    if bad:
         raise RuntimeError("this machine lacks something that sum-drake needs; see above")

@@ -15,6 +15,7 @@ from sum_drake.commands.common import (
     add_command,
     add_parallel,
     add_quiet,
+    anew_if_interrupted,
     check_count,
     check_device,
     check_free,
@@ -22,8 +23,10 @@ from sum_drake.commands.common import (
 from sum_drake.files import write_whole
 
 if TYPE_CHECKING:
+    from sum_drake.filtering import PoseEstimate, PoseEstimator, PoseRequest
     from sum_drake.frame_folder import FrameFolder, LabelledBox
     from sum_drake.objects import Catalogue
+    from sum_drake.types import Frame
 
 SCHEMA = "sum-drake/estimates/1"
 FILES = ("estimates.json", "overlay.png")
@@ -68,28 +71,24 @@ def _estimate(options: argparse.Namespace) -> None:
     config = filter_config(options.filter)
     catalogue = load_catalogue(options.catalogue)
     read = read_frame(options.frame)
-    boxes = read.boxes if read.boxes is not None else _detect(read, catalogue, options.weights)
-    require_rendering()
     tell = Counting(quiet=options.quiet)
-    workers = min(options.workers, len(boxes))
-    cpu = [0.0]
-
-    def count(seconds: float) -> None:
-        cpu[0] += seconds
-
-    with contextlib.ExitStack() as stack:
-        estimator: Any = PoseEstimator(catalogue, config, noise=read.noise, device=options.device)
+    with anew_if_interrupted(out, quiet=options.quiet), contextlib.ExitStack() as stack:
+        boxes = read.boxes if read.boxes is not None else _detect(read, catalogue, options.weights, tell)
+        require_rendering()
+        steps, workers = _Steps(tell), min(options.workers, len(boxes))
+        estimator: Any = _OneByOne(PoseEstimator(catalogue, config, noise=read.noise, device=options.device), steps)
         if workers > 1:
             estimator = stack.enter_context(
-                PoseWorkers(catalogue, config, workers, noise=read.noise, device=options.device, on_cpu=count)
+                PoseWorkers(catalogue, config, workers, noise=read.noise, device=options.device, on_cpu=steps.took)
             )
         labels = list(dict.fromkeys(one.label for one in boxes if one.label in catalogue))
-        tell("looking at meshes", 0, len(labels))
+        steps.begin("looking at meshes", len(labels))
         estimator.warm_all(labels)
-        tell("looking at meshes", len(labels), len(labels))
-        warm, begun, own = cpu[0], time.monotonic(), time.process_time()
+        warm, begun, own = steps.cpu_s, time.monotonic(), time.process_time()
+        steps.begin("estimating poses", len(boxes))
         found = estimate_frame(read.frame, boxes, catalogue, estimator, seed=options.seed)
-        cpu_s = cpu[0] - warm + time.process_time() - own
+        steps.end()
+        cpu_s = steps.cpu_s - warm + time.process_time() - own
     timing = {"start_s": begun - started, "cpu_s": cpu_s, "wall_s": time.monotonic() - begun}
     out.mkdir(parents=True, exist_ok=True)
     data = {"schema": SCHEMA, "estimates": found, "timing": timing, "seed": options.seed, "versions": versions()}
@@ -100,7 +99,52 @@ def _estimate(options: argparse.Namespace) -> None:
     print(out / "overlay.png")
 
 
-def _detect(read: "FrameFolder", catalogue: "Catalogue", weights: Path | None) -> "Sequence[LabelledBox]":
+class _Steps:
+    """How many of what is being done are, and the CPU seconds that other processes took."""
+
+    def __init__(self, tell: Counting) -> None:
+        self.cpu_s = 0.0
+        self._tell, self._what, self._done, self._of = tell, "", 0, 0
+
+    def begin(self, what: str, of: int) -> None:
+        """So many of something else."""
+        self._what, self._done, self._of = what, 0, of
+        self._tell(what, 0, of)
+
+    def took(self, cpu_s: float) -> None:
+        """Another one is done, by another process."""
+        self.cpu_s += cpu_s
+        self._done += 1
+        self._tell(self._what, self._done, self._of)
+
+    def end(self) -> None:
+        """All are done; of some there was nothing to do."""
+        if self._done < self._of:
+            self._tell(self._what, self._of, self._of)
+
+
+class _OneByOne:
+    """An estimator in this process whose steps are told."""
+
+    def __init__(self, estimator: "PoseEstimator", steps: _Steps) -> None:
+        self._estimator, self._steps = estimator, steps
+
+    def warm_all(self, labels: "Sequence[str]") -> None:
+        for label in labels:
+            self._estimator.warm(label)
+            self._steps.took(0.0)
+
+    def estimate_all(self, frame: "Frame", requests: "Sequence[PoseRequest]") -> "list[PoseEstimate]":
+        found = []
+        for request in requests:
+            found += self._estimator.estimate_all(frame, [request])
+            self._steps.took(0.0)
+        return found
+
+
+def _detect(
+    read: "FrameFolder", catalogue: "Catalogue", weights: Path | None, tell: Counting
+) -> "Sequence[LabelledBox]":
     """Boxes of the trained detector, each with its likeliest label."""
     from sum_drake.detection.inference import load_detector
     from sum_drake.frame_folder import LabelledBox
@@ -109,5 +153,7 @@ def _detect(read: "FrameFolder", catalogue: "Catalogue", weights: Path | None) -
         detector = load_detector(weights, labels=catalogue.labels)
     except InputError as error:
         raise InputError(f"no detections.json in the frame, and {error}") from error
+    tell("detecting", 0, 1)
     detections = detector(read.frame.color, read.frame.depth)
+    tell("detecting", 1, 1)
     return [LabelledBox(one.p_labels[0][0], one.box, one.p_box * one.p_labels[0][1]) for one in detections]

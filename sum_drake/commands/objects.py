@@ -4,7 +4,16 @@ import argparse
 from pathlib import Path
 
 from sum_drake.assets import InputError
-from sum_drake.commands.common import Commands, add_catalogue, add_command, add_group, check_writable
+from sum_drake.commands.common import (
+    Commands,
+    Counting,
+    add_catalogue,
+    add_command,
+    add_group,
+    add_quiet,
+    anew_if_interrupted,
+    check_writable,
+)
 from sum_drake.files import write_whole
 
 
@@ -18,6 +27,7 @@ def add(commands: Commands) -> None:
     add_catalogue(render)
     render.add_argument("--out", type=Path, metavar="FILE", default=Path("objects.png"), help="PNG to write")
     render.add_argument("--force", action="store_true", help="replace the file that is there")
+    add_quiet(render)
 
 
 def _list(options: argparse.Namespace) -> None:
@@ -29,8 +39,7 @@ def _list(options: argparse.Namespace) -> None:
 def _check(options: argparse.Namespace) -> None:
     from sum_drake.objects import CATALOGUE, check
 
-    findings = check(options.catalogue)
-    print("\n".join(finding.line for finding in findings), flush=True)
+    findings = check(options.catalogue, lambda finding: print(finding.line, flush=True))
     broken = sum(not finding.usable for finding in findings)
     if broken:
         raise InputError(
@@ -50,6 +59,8 @@ def _render(options: argparse.Namespace) -> None:
         raise InputError(f"--out {options.out}: exists; expected a new name, or --force to replace it")
     catalogue = load_catalogue(options.catalogue)
     require_rendering()
-    _, png = cv2.imencode(".png", cv2.cvtColor(render_contact_sheet(catalogue), cv2.COLOR_RGB2BGR))
+    with anew_if_interrupted(options.out, quiet=options.quiet):
+        sheet = render_contact_sheet(catalogue, progress=Counting(quiet=options.quiet))
+    _, png = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
     write_whole(options.out, png.tobytes())
     print(options.out)

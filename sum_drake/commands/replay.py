@@ -15,6 +15,7 @@ from sum_drake.commands.common import (
     add_command,
     add_parallel,
     add_quiet,
+    anew_if_interrupted,
     check_count,
     check_writable,
 )
@@ -78,7 +79,8 @@ def _replay(options: argparse.Namespace) -> None:
     record = _read(run, None if "random_seed" in overrides else scenario.random_seed, catalogue)
     require_rendering()
     notes = [*_notes(record, scenario), *_made_elsewhere(run)]
-    comparisons = _compared(record.perceptions, scenario, catalogue, options)
+    with anew_if_interrupted(options.out, quiet=options.quiet):
+        comparisons = _compared(record.perceptions, scenario, catalogue, options)
     for note in notes:
         print(note)
     if options.out is not None:

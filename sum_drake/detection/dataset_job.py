@@ -23,7 +23,7 @@ from sum_drake.detection.dataset import (
 )
 from sum_drake.jsonio import write_json
 from sum_drake.objects import Catalogue, load_catalogue
-from sum_drake.workers import belong_to_parent, one_thread_each
+from sum_drake.workers import belong_to_parent, give_up, one_thread_each
 
 ORDER = ("validation", "train", "test", "shift")
 """In which the splits are rendered: training can begin on what is there."""
@@ -52,7 +52,9 @@ QUICK = Plan(
 """72 pictures, in about a minute."""
 
 Report = Callable[[str, int, int], None]
-"""What has just been rendered ("train/00012"), pictures done so far by this call, pictures this call has to do."""
+"""What has just been rendered ("train/00012"), pictures done so far by this call, pictures this call has to do.
+
+Before the first: "rendering", 0, pictures to do."""
 
 
 def render_dataset(catalogue: Catalogue, out: Path, plan: Plan, *, workers: int = 1, report: Report) -> None:
@@ -71,6 +73,8 @@ def render_dataset(catalogue: Catalogue, out: Path, plan: Plan, *, workers: int 
         if not scene_folder(out, split, scene).is_dir()
     ]
     total, done = sum(plan.views[split] for split, _ in jobs), 0
+    if jobs:
+        report("rendering", done, total)
     for split, scene in _run(catalogue, out, plan, jobs, workers):
         done += plan.views[split]
         report(f"{split}/{scene:05d}", done, total)
@@ -156,8 +160,10 @@ def _run(
                     "a worker died, perhaps for lack of memory; the same command goes on from there"
                 ) from error
             yield split, scene
-    finally:
-        pool.shutdown(cancel_futures=True)
+    except BaseException:
+        give_up(pool)  # scenes are written whole, or not at all
+        raise
+    pool.shutdown()
 
 
 _worker: tuple[Catalogue, Path, Plan] | None = None

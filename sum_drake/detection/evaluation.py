@@ -14,14 +14,21 @@ from sum_drake.detection.weights import Weights
 from sum_drake.geometry import iou
 from sum_drake.types import Array
 
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, and how many pictures of how many are."""
 
-def evaluate(detector: Detector, images: Sequence[AnnotatedImage]) -> list[metrics.ScoredImage]:
+
+def evaluate(
+    detector: Detector, images: Sequence[AnnotatedImage], progress: Progress = lambda what, done, total: None
+) -> list[metrics.ScoredImage]:
     """What a detector makes of each picture."""
-    scored = []
+    scored: list[metrics.ScoredImage] = []
     for image in images:
+        progress("validating", len(scored), len(images))
         true_boxes = np.reshape([one.box for one in image.objects], (-1, 4))
         found, true = detector.examine(image.color, image.depth, true_boxes)
         scored.append(metrics.scored_image(image, detector.labels, found.boxes, found.probabilities, true))
+    progress("validating", len(scored), len(images))
     return scored
 
 
@@ -49,6 +56,7 @@ def calibrated(
     *,
     proposer: str = LEARNED,
     report: Callable[[str], None] = print,
+    progress: Progress = lambda what, done, total: None,
 ) -> Weights:
     """The same network with probabilities and working threshold fitted to pictures it was not trained on.
 
@@ -56,13 +64,16 @@ def calibrated(
     """
     detector = Detector(weights, proposer=proposer)
     logits, classes = [], []
-    for image in images:
+    for done, image in enumerate(images):
+        progress("calibrating", done, len(images))
         found = detector.detect(image.color, image.depth)
         shown = _classes(found.boxes, image, weights.labels)
         logits.append(found.logits[shown != _LEFT_OUT])
         classes.append(shown[shown != _LEFT_OUT])
+    progress("calibrating", len(images), len(images))
     fitted = dataclasses.replace(weights, calibration=calibration.fit(np.concatenate(logits), np.concatenate(classes)))
-    at = metrics.best_operating_point(evaluate(Detector(fitted, proposer=proposer), images), ALLOWED_FALSE)
+    scored = evaluate(Detector(fitted, proposer=proposer), images, progress)
+    at = metrics.best_operating_point(scored, ALLOWED_FALSE)
     report(
         f"calibrated: {fitted.calibration}; threshold {at.threshold:.3f}: recall {at.recall:.3f} at "
         f"{at.false_positives_per_image:.2f} false positives a picture"

@@ -24,7 +24,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.detection.augmentation import Example, augment
 from sum_drake.detection.calibration import Calibration
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet, is_scored
-from sum_drake.detection.evaluation import calibrated, evaluate, figures
+from sum_drake.detection.evaluation import Progress, calibrated, evaluate, figures
 from sum_drake.detection.inference import Detector, propose
 from sum_drake.detection.metrics import ScoredImage
 from sum_drake.detection.network import Network, imagenet_state
@@ -76,12 +76,13 @@ def train(
     report: Callable[[str], None] = print,
     on_epoch: Callable[[Weights, Sequence[ScoredImage]], None] = lambda weights, images: None,
     checkpoint_seconds: float = 60.0,
+    progress: Progress = lambda what, done, total: None,
 ) -> Weights:
     """Trains on a data set's train split and calibrates on its validation split.
 
     A training of the same recipe and data that is in `out` is gone on with. on_epoch: given what there is after each
-    epoch, not calibrated, and the pictures that it is followed on. Raises InputError for data that cannot be used, for
-    another training in `out`, and where the ImageNet weights are missing.
+    epoch, not calibrated, and the pictures that it is followed on. progress: of what is done between steps. Raises
+    InputError for data that cannot be used, for another training in `out`, and where the ImageNet weights are missing.
     """
     pictures, validation = ImageSet(data, "train"), ImageSet(data, "validation")
     if not (pictures.complete and validation.complete):
@@ -98,7 +99,7 @@ def train(
     log = _Log(out / "log.jsonl", training.step)
     followed = validation[:: -(-len(validation) // FOLLOWED)]
     if training.step == 0:
-        start = figures(evaluate(Detector(training.weights()), followed))
+        start = figures(evaluate(Detector(training.weights()), followed, progress))
         log.write(0, start)
         report(f"before the first step, on validation: {_told(start)}")
     began, first, saved = time.monotonic(), training.step, time.monotonic()
@@ -117,7 +118,7 @@ def train(
             report(f"step {training.step} of {training.steps}: {_told(means)}; {left / 60:.0f} min left")
             recent = []
         if at + 1 == per_epoch:
-            images = evaluate(Detector(training.weights()), followed)
+            images = evaluate(Detector(training.weights()), followed, progress)
             log.write(training.step, figures(images))
             report(f"epoch {epoch + 1} of {recipe.epochs}, on validation: {_told(figures(images))}")
             on_epoch(training.weights(), images)
@@ -126,7 +127,7 @@ def train(
         if due or training.step == training.steps:
             training.save(checkpoint, description)
             saved = time.monotonic()
-    return calibrated(training.weights(), validation, report=report)
+    return calibrated(training.weights(), validation, report=report, progress=progress)
 
 
 def _told(values: Mapping[str, float]) -> str:
