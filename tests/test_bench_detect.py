@@ -188,5 +188,5 @@ def test_pictures_are_rendered_where_none_are_given(tmp_path, monkeypatch):
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["seeds"] == {"dataset": 3}
     assert [row["name"] for row in results["rows"] if row["table"] == "image"] == ["test/00000/0", "shift/00000/0"]
-    assert told[:2] == [("test/00000", 1, 2), ("shift/00000", 2, 2)]
+    assert told[:3] == [("rendering", 0, 2), ("test/00000", 1, 2), ("shift/00000", 2, 2)]
     assert {path.name for path in tmp_path.iterdir()} == {"out", "w.safetensors"}
