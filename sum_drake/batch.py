@@ -4,14 +4,13 @@ A run is kept whole, by renaming its folder, or not at all; called again, a batc
 run does depends on its scenario and seed alone, so order and number of workers change nothing.
 """
 
-import contextlib
 import dataclasses
-import fcntl
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,6 +20,7 @@ from sum_drake.bench.resumed import different
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
+from sum_drake.files import alone
 from sum_drake.jsonio import write_json
 
 SCHEMA = "sum-drake/batch/1"
@@ -70,7 +70,8 @@ def run_batch(
     """
     check_batch(out, settings)
     work = out / WORK
-    with _alone(out):
+    out.mkdir(parents=True, exist_ok=True)
+    with alone(out, "another batch"):
         shutil.rmtree(work, ignore_errors=True)  # of a batch that was killed
         work.mkdir(parents=True)
         rows = {spec.seed: row for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
@@ -78,7 +79,7 @@ def run_batch(
         seeds = [spec.seed for spec in specs]
         told = _write(out, settings, seeds, rows)
         progress("running", len(rows), len(specs))
-        with contextlib.closing(executor.run(left, work)) as episodes:
+        with closing(executor.run(left, work)) as episodes:
             for episode in episodes:
                 keep(episode, out)
                 rows[episode.seed] = episode.row()
@@ -94,7 +95,7 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: a file; expected a folder or a new name")
     if not file.is_file():
-        if out.is_dir() and any(path.name not in (WORK, ".lock") for path in out.iterdir()):
+        if out.is_dir() and any(path.name != WORK for path in out.iterdir()):
             raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
         return
     other = different(read_batch(out)["settings"], settings)
@@ -186,15 +187,3 @@ BRIEF = (
     "seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
     "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
 )  # fmt: skip
-
-
-@contextlib.contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Within, no other batch is at the folder."""
-    out.mkdir(parents=True, exist_ok=True)
-    with (out / ".lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(f"--out {out}: another batch is at it; expected its end, or another folder") from None
-        yield

@@ -90,13 +90,33 @@ def causes(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def share_interval(done: Array, total: Array, seed: int = 0) -> tuple[float, float]:
-    """The 95 % interval of sum(done) / sum(total), (n,) each, by bootstrap over the n runs; NaN for fewer than two."""
+    """The 95 % interval of sum(done) / sum(total), (n,) each, by bootstrap over the n runs; NaN for fewer than two.
+
+    Where every run's share is the same, draws of runs say nothing: then the exact interval (Clopper and Pearson) of as
+    many independent objects, so that two runs without a loss are no proof.
+    """
     if len(done) < 2 or total.sum() == 0:
         return float("nan"), float("nan")
+    shares = done / np.maximum(total, 1.0)
+    if (shares == shares[0]).all():
+        return exact_interval(float(done.sum()), float(total.sum()))
+    return _drawn_interval(done, total, seed)
+
+
+def _drawn_interval(done: Array, total: Array, seed: int) -> tuple[float, float]:
+    """By bootstrap alone."""
     drawn = np.random.default_rng(seed).integers(0, len(done), (DRAWS, len(done)))
-    shares = done[drawn].sum(1) / np.maximum(total[drawn].sum(1), 1.0)
-    low, high = np.quantile(shares, (0.025, 0.975))
+    low, high = np.quantile(done[drawn].sum(1) / np.maximum(total[drawn].sum(1), 1.0), (0.025, 0.975))
     return float(low), float(high)
+
+
+def exact_interval(done: float, total: float) -> tuple[float, float]:
+    """The 95 % interval of a share by Clopper and Pearson, of `total` independent tries."""
+    from scipy.stats import beta
+
+    low = 0.0 if done == 0 else float(beta.ppf(0.025, done, total - done + 1))
+    high = 1.0 if done == total else float(beta.ppf(0.975, done + 1, total - done))
+    return low, high
 
 
 def pairs(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[int, Row | None, Row | None]]:
@@ -110,7 +130,8 @@ def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> tupl
 
     By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels. A
     run whose process died sorted none of what the other run of its seed was about. None without two such runs that
-    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends.
+    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends, which lie
+    together where all differ by the same: of few runs that says nothing.
     """
     total, gain = [], []
     for _, x, y in pairs(a, b):
@@ -119,7 +140,7 @@ def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> tupl
             gain.append(float(y.get("objects_sorted", 0) - x.get("objects_sorted", 0)))
     if len(total) < 2:
         return None
-    low, high = share_interval(np.array(gain), np.array(total), seed)
+    low, high = _drawn_interval(np.array(gain), np.array(total), seed)
     return len(total), sum(gain) / sum(total), low, high
 
 

@@ -11,6 +11,8 @@ from sum_drake.bench.resumed import different
 from sum_drake.files import write_whole
 from sum_drake.report_parts import seconds
 
+TELLING = 6
+"""Of fewer pairs nothing is told: even if all went one way, by a sign test chance gives that in more than .05."""
 Batch = Mapping[str, Any]
 """What batch.json holds."""
 
@@ -97,11 +99,14 @@ def _tiles(batch: Batch) -> str:
     def figure(name: str) -> str:
         return _number(figures.get(name))
 
+    share, objects = figures.get("objects_sorted_share"), figures.get("objects") or 0.0
+    done = round((share or 0.0) * objects)
+    said = "none is done" if share is None else f"objects sorted: {share:.3f}{interval}"
     return page.tiles(
         [
-            (f"of {_number(figures.get('objects'))} objects sorted{interval}", figure("objects_sorted_share")),
+            (said, f"{done} of {objects:.0f}"),
             ("missorted", figure("missorted")),
-            ("trials an object", figure("trials_per_object")),
+            ("trials an object sorted", figure("trials_per_object") or "–"),
             ("CPU a run, median", seconds(figures.get("cpu_s_per_run_median"))),
         ]
     )
@@ -119,11 +124,11 @@ def _verdict(a: Batch, b: Batch) -> str:
     if told is None:
         return words
     runs, gain, low, high = told
+    words += f" Over the {runs} runs, B sorted {gain:+.3f} of the objects against A"
+    if runs < TELLING:
+        return f"{words}: too few runs to tell whether chance gave it."
     sure = "more than chance would give" if low > 0 or high < 0 else "chance may have given it"
-    return (
-        f"{words} Over the {runs} runs, B sorted {gain:+.3f} of the objects against A ({low:+.3f} to {high:+.3f} in"
-        f" 95 % of bootstrap draws over pairs): {sure}."
-    )
+    return f"{words} ({low:+.3f} to {high:+.3f} in 95 % of bootstrap draws over pairs): {sure}."
 
 
 def _settings(a: Batch, b: Batch) -> str:

@@ -2,19 +2,20 @@
 
 import argparse
 import contextlib
+import io
 import os
 import signal
 import sys
 import threading
 import types
 from collections.abc import Iterator, Sequence
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from sum_drake import __version__
 from sum_drake.assets import InputError
 from sum_drake.commands import batch, bench, detection, doctor, estimate, objects, replay, report, sort
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+FAILED, BAD_INPUT = 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,7 +23,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Perception and planning are single-threaded by design; idle pools of threads only get in each other's way.
     for variable in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[variable] = "1"
-    options = _parser().parse_args(arguments)
+    with _somebody_listens():
+        return _run(_parser().parse_args(arguments))
+
+
+def _run(options: argparse.Namespace) -> int:
+    """The command's exit code."""
     try:
         with _interrupts_between_imports():
             options.command(options)
@@ -33,22 +39,75 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"sum-drake: failed: {error}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt as interrupt:
-        print("; ".join(["sum-drake: interrupted", *map(str, interrupt.args)]), file=sys.stderr)
-        return INTERRUPTED
+        word = "ended" if _told[-1:] == [signal.SIGTERM] else "interrupted"
+        print("; ".join([f"sum-drake: {word}", *map(str, interrupt.args)]), file=sys.stderr)
+        return 128 + (_told[-1] if _told else signal.SIGINT)
     except BrokenPipeError:  # whoever read the output has had enough of it
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         return 0
     except OSError as error:
-        print(f"sum-drake: {error.filename}: {error.strerror}; expected a place that can be written", file=sys.stderr)
+        where = "standard output" if error.filename is None else error.filename
+        print(f"sum-drake: {where}: {error.strerror}; expected a place that can be written", file=sys.stderr)
         return BAD_INPUT
     return 0
 
 
+class _Listened(io.TextIOBase):
+    """A stream that goes on when whoever listened has gone: what a command says on its way is not what it is for."""
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            if self._stream is not None:
+                self._stream.write(text)
+        except BrokenPipeError:
+            self._stream = None
+        return len(text)
+
+    def flush(self) -> None:
+        try:
+            if self._stream is not None:
+                self._stream.flush()
+        except BrokenPipeError:
+            self._stream = None
+
+    def isatty(self) -> bool:
+        return self._stream is not None and self._stream.isatty()
+
+    def fileno(self) -> int:
+        if self._stream is None:
+            raise OSError("nobody listens")
+        return self._stream.fileno()
+
+
+@contextlib.contextmanager
+def _somebody_listens() -> Iterator[None]:
+    """Within, standard error may be closed, or a pipe that nobody reads."""
+    before = sys.stderr
+    sys.stderr = _Listened(before)
+    try:
+        yield
+    finally:
+        sys.stderr = before
+
+
+_told: list[int] = []
+"""The signals that asked this command to end."""
+
+
 @contextlib.contextmanager
 def _interrupts_between_imports() -> Iterator[None]:
-    """Within, Ctrl-C waits for the end of an import: Drake takes an interrupted one for a broken installation."""
+    """Within, Ctrl-C waits for the end of an import: Drake takes an interrupted one for a broken installation.
+
+    SIGTERM, by which schedulers end what they have started, is taken as Ctrl-C is.
+    """
+    _told.clear()
 
     def interrupt(number: int, frame: types.FrameType | None) -> None:
+        if number != signal.SIGALRM:
+            _told.append(number)
         while frame is not None:
             if frame.f_code.co_filename.startswith("<frozen importlib"):
                 signal.setitimer(signal.ITIMER_REAL, 0.05)  # and again
@@ -59,7 +118,7 @@ def _interrupts_between_imports() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
         return
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGALRM)}
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
     try:
         yield
     finally:

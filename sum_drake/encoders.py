@@ -98,6 +98,8 @@ def frames(names: Sequence[str]) -> Encode:
     def encode_poses(Xs: Any, time: float, name: str) -> Any:
         from foxglove import messages
 
+        if len(Xs) != len(names):
+            raise ValueError(f"has {len(Xs)} poses; expected one for each of the {len(names)} names of frames")
         transforms = [transform(_matrix(X), child, time) for X, child in zip(Xs, names, strict=True)]
         return messages.FrameTransforms(transforms=transforms)
 

@@ -68,7 +68,7 @@ def explained(candidates: int, rejected_by: Sequence[tuple[str, int]]) -> str:
     ]
     left = candidates - sum(count for _, count in rejected_by)
     if left > 0:
-        parts.append(f"{left} left")
+        parts.append(f"{left} hold")
     considered = f"{candidates} {'grasp' if candidates == 1 else 'grasps'} considered"
     return f"{considered}: {', '.join(parts)}" if parts else considered
 

@@ -1,6 +1,12 @@
-"""Files that are whole or not there."""
+"""Files that are whole or not there, and folders that one process writes at a time."""
 
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
 from pathlib import Path
+
+from sum_drake.assets import InputError
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -11,3 +17,22 @@ def write_whole(path: Path, content: str | bytes) -> None:
     temporary = path.with_name(f".{path.name}.part")
     temporary.write_bytes(content.encode() if isinstance(content, str) else content)
     temporary.replace(path)
+
+
+@contextlib.contextmanager
+def alone(folder: Path, what: str) -> Iterator[None]:
+    """Within, no other process is alone with the folder. what: that may be at it, such as "another run".
+
+    Raises InputError where one is. Where the file system knows no locks, nothing is refused.
+    """
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"--out {folder}: {what} is at it; expected its end, or another folder") from None
+        except OSError:
+            pass
+        yield
+    finally:
+        os.close(lock)

@@ -43,10 +43,22 @@ def from_above(run: RunFolder, catalogue: "Catalogue") -> str:
     parts += [_placed(one, view, catalogue) for one in put]
     parts += [_believed(track, view, catalogue) for track in sorted(tracks, key=lambda track: track.probability)]
     objects = [] if run.summary is None else run.summary["objects"]
-    parts += [_truth(row, view, catalogue) for row in objects if view.holds(row["p_W"])]
-    # Figures last, over all that is drawn.
     parts += _numbers(put, view)
+    # Crosses last: an object that went where it was to go lies under its number.
+    parts += [_truth(row, view, catalogue) for row in objects if view.holds(row["p_W"])]
     return drawing(*view.size, "The table seen from above after the last look", parts)
+
+
+def above_legend(*runs: RunFolder) -> str:
+    """What the marks of such drawings mean, HTML: crosses only where a run has some."""
+    words = "Filled: accepted after the last look; dashed: not accepted."
+    if any(_released(one) for run in runs for one in run.tried()):
+        words += (
+            " Dotted with a number: where that attempt let go, its ring green if the object ended where it belongs."
+        )
+    if any(run.summary is not None and run.summary["objects"] for run in runs):
+        words += " Crosses: where things truly lie."
+    return f'<p class="legend">{words}</p>'
 
 
 def _released(one: Tried) -> bool:
@@ -161,6 +173,8 @@ def _numbers(put: Sequence[Tried], view: _View) -> list[str]:
 def _truth(row: Mapping[str, Any], view: _View, catalogue: "Catalogue") -> str:
     ((x, y),) = view.pixels(row["p_W"])
     color = "rgb({},{},{})".format(*label_color(row["label"], catalogue))
-    cross = f"M{x - 7:.1f} {y - 7:.1f}l14 14m0 -14l-14 14"
-    marks = f"<path d='{cross}' stroke='#fff' stroke-width='5'/><path d='{cross}' stroke='{color}' stroke-width='2.5'/>"
+    # Longer than a number's disc is wide, and thin: both are to be read.
+    cross = f"M{x - 13:.1f} {y - 13:.1f}l26 26m0 -26l-26 26"
+    lines = (("#fff", 3.5), (color, 1.8))
+    marks = "".join(f"<path d='{cross}' stroke='{ink}' stroke-width='{width}'/>" for ink, width in lines)
     return titled(marks, f"{row['label']}: truly here, {row['place']}")

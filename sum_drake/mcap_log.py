@@ -125,6 +125,8 @@ def _payload(message: Any) -> tuple[Any, bytes]:
     """Schema (None: JSON) and bytes of what an encoder has made."""
     if isinstance(message, Mapping):
         return None, json.dumps(message, allow_nan=False).encode()
+    if not hasattr(message, "get_schema"):
+        raise TypeError(f"its encoder made a {type(message).__name__}; expected a mapping, or one of foxglove.messages")
     return type(message).get_schema(), message.encode()
 
 

@@ -104,7 +104,8 @@ td { font-variant-numeric: tabular-nums; }
 .chip { border-radius: 10px; padding: 1px 9px; font-size: 13px; background: #e8ebee; white-space: nowrap; }
 .chip.good { background: #dcf3e6; color: var(--good); } .chip.bad { background: #fbe3e1; color: var(--bad); }
 .chip.poor { background: #fff0d6; color: var(--poor); }
-h1 + p .chip { white-space: normal; font-size: 15px; }
+h1 + p .chip, .head .chip { white-space: normal; }
+h1 + p .chip { font-size: 15px; }
 .name { white-space: nowrap; }
 .name i { display: inline-block; width: 11px; height: 11px; border-radius: 3px; margin-right: 6px; }
 .bar { display: inline-block; height: 11px; margin-right: 8px; background: #5b8def; min-width: 2px; }
@@ -120,7 +121,7 @@ pre { overflow-x: auto; background: #fff; border: 1px solid var(--line); padding
 .figure svg { display: block; }
 .scene { display: flex; flex-wrap: wrap; gap: 0 20px; align-items: flex-start; }
 .scene > div { flex: 1 1 440px; min-width: 0; max-width: 680px; }
-.scene svg { width: 100%; height: auto; min-width: 420px; }
+.scene svg, .pair .figure svg { width: 100%; height: auto; }
 video { width: 100%; height: auto; border-radius: 8px; display: block; background: #23282d; }
 .cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 500px), 1fr)); gap: 14px; }
 .attempt { display: flex; flex-wrap: wrap; gap: 8px 14px; margin: 0; align-items: flex-start; }
@@ -132,6 +133,7 @@ dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 340px), 1fr)); gap: 0 14px; }
 .pair > div { min-width: 0; } .pair img { width: 100%; border-radius: 4px; display: block; }
 .pair .head { margin: 8px 0; }
+.pair + .scroll td, .wraps td { overflow-wrap: anywhere; }
 .plots { display: flex; flex-wrap: wrap; gap: 12px; align-items: flex-start; }
 .plots svg { max-width: 100%; height: auto; }
 @media (max-width: 640px) {

@@ -200,7 +200,7 @@ def _became(belief: SceneBelief) -> str:
     if belief.believed is None:
         return "nothing"
     outcome = belief.believed.outcome
-    return f"{belief.believed.label} {outcome}, {dict(belief.believed.outcomes)[outcome]:.3g}"
+    return f"{belief.believed.label} {outcome}, {dict(belief.believed.outcomes)[outcome]:.6g}"
 
 
 def verdict(comparisons: Sequence[ObservationComparison], *, whole: bool = True) -> str:
@@ -246,15 +246,21 @@ def _named(one: TrackComparison) -> str:
 def _said(stand: Stand | None) -> str:
     if stand is None:
         return "not there"
-    return f"{'accepted' if stand.accepted else 'held'}, {stand.probability:.4g}"
+    return f"{'accepted' if stand.accepted else 'not accepted'}, {stand.probability:.4g}"
 
 
 def _words(one: TrackComparison) -> str:
     first = [name for name in one.differs if name in ("there", *_FIRST)]
     if "pose" in first and one.translation_m is not None and one.rotation_rad is not None:
-        far = f"{1e3 * one.translation_m:.2g} mm, {np.degrees(one.rotation_rad):.2g} deg"
+        mm, degrees = 1e3 * one.translation_m, float(np.degrees(one.rotation_rad))
+        far = " ".join([_short(mm), "mm,", _short(degrees), "deg"])
         first[first.index("pose")] = f"pose by {far}"
     return ", ".join(first or one.differs)
+
+
+def _short(value: float) -> str:
+    """To two digits, and not as a power of ten where whole numbers will do."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def summary(comparisons: Sequence[ObservationComparison], about: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,9 +14,9 @@ from sum_drake.belief_chart import belief_chart, left_out, reasons
 from sum_drake.drawing import Image, draw_depth, draw_perception, verdict
 from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
-from sum_drake.from_above import from_above
+from sum_drake.from_above import above_legend, from_above
 from sum_drake.report_attempts import attempts_part
-from sum_drake.report_parts import count, degrees, millimetres, name, outcome_chip, reason, seconds
+from sum_drake.report_parts import cost_name, count, degrees, millimetres, name, outcome_chip, reason, seconds
 from sum_drake.run_folder import RunFolder, Tried, catalogue_of_run, read_run_folder
 from sum_drake.runlog_reader import RunRecord
 from sum_drake.types import Perception, SceneBelief
@@ -125,19 +125,11 @@ def _page(run: RunFolder, catalogue: "Catalogue", film: str) -> str:
 def _scene(run: RunFolder, catalogue: "Catalogue", film: str) -> list[str]:
     """The film and the table from above, side by side; HTML."""
     above = from_above(run, catalogue)
-    if not above:
-        return [film]
-    legend = (
-        '<p class="legend">Filled: accepted after the last look; dashed: not accepted. Dotted with a number: where '
-        "that attempt let go, its ring green if the object ended where it belongs. Crosses: where things truly lie.</p>"
-    )
-    return [
-        '<div class="scene">',
-        f"<div><h2>The run</h2>{film}</div>" if film is not _NO_FILM else "",
-        f"<div><h2>From above, at the end</h2>{page.figure(above)}{legend}</div>",
-        "</div>",
-        film if film is _NO_FILM else "",
-    ]
+    filmed = [] if film is _NO_FILM else [f"<div><h2>The run</h2>{film}</div>"]
+    seen = [f"<div><h2>From above, at the end</h2>{page.figure(above)}{above_legend(run)}</div>"] if above else []
+    none = [] if above or run.record is None else ["<p>No look was made: nothing is believed.</p>"]
+    side_by_side = ['<div class="scene">', *filmed, *seen, "</div>"] if filmed or seen else []
+    return [*none, *side_by_side, *([film] if film is _NO_FILM else [])]
 
 
 def _belief(looks: Sequence[Perception], catalogue: "Catalogue") -> list[str]:
@@ -158,7 +150,7 @@ def _belief(looks: Sequence[Perception], catalogue: "Catalogue") -> list[str]:
 
 
 def _header(run: RunFolder) -> str:
-    return f"<h1>Sorting run, seed {page.text(run.seed)}</h1><p>{outcome_chip(run.outcome)}</p>"
+    return f"<h1>Sorting run, seed {page.text(run.seed)}</h1><p>{outcome_chip(run.outcome, run.summary)}</p>"
 
 
 def _figures(summary: Mapping[str, Any]) -> str:
@@ -322,18 +314,12 @@ def _timing(timing: Mapping[str, float | None]) -> str:
     longest = max((value for _, value in costs), default=0.0) or 1.0
     rows = [
         [
-            page.text(_words(of)),
+            page.text(cost_name(of)),
             f'<span class="bar" style="width:{70 * value / longest:.1f}%"></span>{seconds(value)}',
         ]
         for of, value in costs
     ]
-    return page.table(["of", "cost"], rows) if rows else "<p>Nothing was measured.</p>"
-
-
-def _words(of: str) -> str:
-    return {"wall_s": "wall clock", "sim_time_s": "simulated time"}.get(
-        of, of.removesuffix("_cpu_s") + " (CPU)" if of.endswith("_cpu_s") else of
-    )
+    return page.table(["cost", "took"], rows) if rows else "<p>Nothing was measured.</p>"
 
 
 def _made_with(summary: Mapping[str, Any]) -> str:

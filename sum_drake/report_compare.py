@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sum_drake import page
-from sum_drake.belief_chart import belief_chart
+from sum_drake.belief_chart import SHOWN, belief_chart
 from sum_drake.drawing import draw_perception
 from sum_drake.files import write_whole
-from sum_drake.from_above import from_above
-from sum_drake.report_parts import count, name, outcome_chip, reason, seconds, tried_chip
+from sum_drake.from_above import above_legend, from_above
+from sum_drake.report_parts import cost_name, count, name, outcome_chip, reason, seconds, tried_chip
 from sum_drake.run_folder import RunFolder, Tried, catalogue_of_run, read_run_folder
 from sum_drake.types import Perception
 
@@ -61,10 +61,12 @@ def _page(a: RunFolder, b: RunFolder) -> str:
     if a.tried() or b.tried():
         parts += ["<h2>Attempts</h2>", _attempts(a.tried(), b.tried(), own_a, own_b)]
     if a.perceptions or b.perceptions:
-        parts += ["<h2>From above, at the end</h2>", _pair(_drawn(from_above(a, own_a)), _drawn(from_above(b, own_b)))]
+        above = _pair(_drawn(from_above(a, own_a)), _drawn(from_above(b, own_b)))
+        parts += ["<h2>From above, at the end</h2>", above, above_legend(a, b)]
         parts.append("<h2>Belief over time</h2>")
         for of, run, own in (("A", a, own_a), ("B", b, own_b)):
-            parts += [f"<h3>{of}</h3>", _drawn(belief_chart(run.perceptions, own))]
+            unlikely = f"No track was ever above {SHOWN:g}." if run.perceptions else NOTHING
+            parts += [f"<h3>{of}</h3>", _drawn(belief_chart(run.perceptions, own), unlikely)]
         parts.append(_probabilities(a, b, own_a))
         parts += ["<h2>Observations</h2>", *_observations(a.perceptions, b.perceptions, own_a, own_b)]
     if a.summary is not None and b.summary is not None:
@@ -78,7 +80,7 @@ def _page(a: RunFolder, b: RunFolder) -> str:
 def _heads(a: RunFolder, b: RunFolder) -> str:
     def head(of: str, run: RunFolder) -> str:
         named = f"<b>{of}</b> {page.text(run.name)}, seed {page.text(run.seed)}"
-        return f'<section class="head"><p>{named}</p><p>{outcome_chip(run.outcome)}</p></section>'
+        return f'<section class="head"><p>{named}</p><p>{outcome_chip(run.outcome, run.summary)}</p></section>'
 
     return _pair(head("A", a), head("B", b))
 
@@ -88,8 +90,11 @@ def _pair(left: str, right: str) -> str:
     return f'<div class="pair"><div>{left}</div><div>{right}</div></div>'
 
 
-def _drawn(svg: str) -> str:
-    return page.figure(svg) if svg else "<p>Nothing was logged.</p>"
+NOTHING = "Nothing was logged."
+
+
+def _drawn(svg: str, otherwise: str = NOTHING) -> str:
+    return page.figure(svg) if svg else f"<p>{page.text(otherwise)}</p>"
 
 
 def _verdict(a: RunFolder, b: RunFolder) -> str:
@@ -233,8 +238,8 @@ def _costs(a: Mapping[str, float | None], b: Mapping[str, float | None]) -> str:
         if in_a is None and in_b is None:
             continue
         ratio = f"{in_b / in_a:.2f} times" if in_a and in_b is not None else ""
-        rows.append([page.text(of.removesuffix("_s").replace("_", " ")), seconds(in_a), seconds(in_b), ratio])
-    return page.table(["of", "A", "B", "B against A"], rows) if rows else "<p>Nothing was measured.</p>"
+        rows.append([page.text(cost_name(of)), seconds(in_a), seconds(in_b), ratio])
+    return page.table(["cost", "A", "B", "B against A"], rows) if rows else "<p>Nothing was measured.</p>"
 
 
 def _made_with(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
@@ -249,7 +254,8 @@ def _made_with(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
         for of in dict.fromkeys((*made[0], *made[1]))
         if made[0].get(of) != made[1].get(of)
     ]
-    return page.table(["of", "A", "B", "difference"], rows) if rows else "<p>The same versions on the same device.</p>"
+    told = page.table(["of", "A", "B", "difference"], rows)
+    return f'<div class="wraps">{told}</div>' if rows else "<p>The same versions on the same device.</p>"
 
 
 def _scenario(a: str, b: str) -> str:

@@ -22,9 +22,13 @@ def name(label: str, catalogue: "Catalogue") -> str:
     return f'<span class="name"><i style="background:rgb({r},{g},{b})"></i>{page.text(label)}</span>'
 
 
-def outcome_chip(outcome: str) -> str:
-    """How a run ended, HTML."""
-    return page.chip(outcome, {"cleared": "good", "unfinished": "poor"}.get(outcome, "bad"))
+def outcome_chip(outcome: str, summary: Mapping[str, Any] | None = None) -> str:
+    """How a run ended, HTML; good if all that was to be sorted was, as far as a summary tells."""
+    kind = {"cleared": "good", "unfinished": "poor"}.get(outcome, "bad")
+    if summary is not None and kind == "good" and summary["objects_sorted"] < summary["objects_total"]:
+        kind = "poor"
+        outcome += f", {summary['objects_sorted']} of {summary['objects_total']} sorted"
+    return page.chip(outcome, kind)
 
 
 def tried_chip(outcome: str | None) -> str:
@@ -62,3 +66,10 @@ def degrees(value: float | None) -> str:
 def seconds(value: float | None) -> str:
     """Seconds, or that they are not known."""
     return "unknown" if value is None else f"{value:.1f} s"
+
+
+def cost_name(of: str) -> str:
+    """Of a field of `timing`, in words."""
+    return {"wall_s": "wall clock", "sim_time_s": "simulated time"}.get(
+        of, of.removesuffix("_cpu_s") + " (CPU)" if of.endswith("_cpu_s") else of
+    )

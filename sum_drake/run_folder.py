@@ -56,8 +56,12 @@ class RunFolder:
 
     @property
     def outcome(self) -> str:
-        """As in summary.json; "unfinished" without one."""
-        return "unfinished" if self.summary is None else str(self.summary["outcome"])
+        """As in summary.json, else as the log's last event tells; "unfinished" where neither does."""
+        if self.summary is not None:
+            return str(self.summary["outcome"])
+        events = () if self.record is None else self.record.events
+        ended = [event["detail"].get("outcome") for event in events if event["name"] == "run_ended"]
+        return str(ended[-1]) if ended and ended[-1] else "unfinished"
 
     def tried(self) -> list[Tried]:
         """All attempts, in their order."""
@@ -102,7 +106,7 @@ def read_run_folder(folder: Path) -> RunFolder:
         validate_summary(data)
         summary = data
     except FileNotFoundError:
-        problems.append("There is no summary.json: the run did not finish, so nothing is known of the truth.")
+        problems.append("There is no summary.json: the run did not finish, or goes on. Nothing is known of the truth.")
     except (OSError, ValueError) as error:
         problems.append(f"summary.json cannot be used: {one_line(error)}")
     try:
@@ -115,6 +119,12 @@ def read_run_folder(folder: Path) -> RunFolder:
         raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
     if (folder / "scenario.yaml").is_file():
         scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
+    if not (scenario or "").strip():
+        problems.append("There is no scenario.yaml: table and bins are not known.")
+    logged = None if record is None else record.metadata.get("seed")
+    if summary is not None and logged is not None and logged != str(summary["seed"]):
+        told = f"summary.json is of seed {summary['seed']}, run.mcap of seed {logged}"
+        problems.append(f"{told}: expected files of one run. What is said of looks is the log's.")
     here = f"{folder}/"  # A report is passed on: it need not tell where the folder lay.
     return RunFolder(folder.resolve().name, summary, record, scenario, tuple(p.replace(here, "") for p in problems))
 

@@ -59,7 +59,7 @@ def read_what_there_is(path: Path) -> RunRecord:
     from mcap.records import Header, Metadata
 
     reading = _Reading()
-    problem = None
+    problem, damage = None, ""
     try:
         with path.open("rb") as stream:
             for record in _records(stream):
@@ -69,12 +69,15 @@ def read_what_there_is(path: Path) -> RunRecord:
     except OSError as error:
         raise InputError(f"cannot read the log {path}: {error.strerror}; expected an MCAP file") from None
     except _Damage as error:
-        problem = f"the log {path} {error}; expected a log that was closed"
-    if reading.metadata.get("schema") != SCHEMA:
-        found = reading.metadata.get("schema", "no such mark")
-        if _is_later(found):
-            raise InputError(f"the log {path} is of a later version: {found!r}; expected {SCHEMA!r}")
-        raise InputError(f"{path} is no log of a run: its metadata holds {found!r}, expected schema {SCHEMA!r}")
+        damage = str(error)
+        whole = "a log that was closed" if damage == CUT_OFF else "one that is as it was written"
+        problem = f"the log {path} {damage}; expected {whole}"
+    found = reading.metadata.get("schema")
+    if found is not None and _is_later(found):
+        raise InputError(f"the log {path} is of a later version: {found!r}; expected {SCHEMA!r}")
+    if found != SCHEMA:
+        kind = damage or ("has no mark of one" if found is None else f"is marked {found!r}")
+        raise InputError(f"{path} is no log of a run: it {kind}; expected an MCAP file with the mark {SCHEMA!r}")
     return reading.result(problem)
 
 
@@ -83,6 +86,10 @@ def _is_later(schema: str) -> bool:
     kind, number = SCHEMA.rsplit("/", 1)
     found, _, other = schema.rpartition("/")
     return found == kind and other.isdecimal() and int(other) > int(number)
+
+
+CUT_OFF = "is cut off"
+"""What becomes of a log whose process was killed."""
 
 
 class _Damage(Exception):
@@ -99,7 +106,7 @@ def _records(stream: IO[bytes]) -> Iterator[Any]:
         yield from StreamReader(whole, validate_crcs=True, record_size_limit=1 << 30).records
     except (EndOfFile, RecordLengthLimitExceeded):
         # The end is missing, or the middle of a record. Logs of writers that seek may end in a chunk without a length.
-        raise _Damage("is cut off") from None
+        raise _Damage(CUT_OFF) from None
     except InvalidMagic:
         raise _Damage("is no MCAP file") from None
     except Exception as error:  # of the container, its checksums, its compression, or a length that no memory holds
@@ -154,7 +161,8 @@ class _Reading:
             try:
                 self._take_message(topic, record.log_time * 1e-9, record.data)
             except (ValueError, TypeError, KeyError, IndexError, struct.error) as error:
-                raise _Damage(f"holds a message on {topic} that cannot be decoded ({one_line(error)})") from None
+                lacks = f"lacks {error}" if isinstance(error, KeyError) else one_line(error)
+                raise _Damage(f"holds a message on {topic} that cannot be decoded ({lacks})") from None
 
     def _take_message(self, topic: str, time: float, data: bytes) -> None:
         if topic == f"/{CAMERA}/color":
@@ -265,7 +273,9 @@ def _frame_transform(fields: dict[int, list[Any]]) -> tuple[str, str, Array]:
 
 def _color(message: bytes) -> Any:
     """(h, w, 3) uint8 RGB of a foxglove.CompressedImage."""
-    image = cv2.imdecode(np.frombuffer(_fields(message)[2][0], np.uint8), cv2.IMREAD_COLOR)
+    png = _fields(message)[2][0]
+    # One that is cut off is not decoded at all: OpenCV would make something of it, and warn past our one line.
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR) if png[-8:-4] == b"IEND" else None
     if image is None:
         raise ValueError("broken PNG")
     return readonly(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)

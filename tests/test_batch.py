@@ -69,7 +69,7 @@ def test_killed_half_way_and_called_again_it_is_the_same_batch(undisturbed, tmp_
     assert main(batch(out, "--workers", "2", runs=3)) == 0
     for seed, written in kept.items():
         assert (out / seed / "episode.json").stat().st_mtime_ns == written, "what was kept is not run again"
-    assert sorted(path.name for path in out.iterdir()) == [".lock", "5", "6", "7", "batch.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["5", "6", "7", "batch.json"]
     assert {5: None, 6: None, 7: None}.keys() == digests(out).keys()
     assert digests(undisturbed).items() <= digests(out).items()
 

@@ -75,3 +75,12 @@ def test_the_interval_holds_the_share_and_depends_on_the_seed_alone(done):
     low, high = share_interval(np.array(done, float), total)
     assert 0.0 <= low <= sum(done) / total.sum() + 1e-9 and sum(done) / total.sum() - 1e-9 <= high <= 1.0
     assert (low, high) == share_interval(np.array(done, float), total)
+
+
+def test_runs_without_a_loss_are_no_proof_and_the_more_there_are_the_surer():
+    intervals = [share_interval(np.full(n, 5.0), np.full(n, 5.0)) for n in (2, 20, 60)]
+    assert [high for _, high in intervals] == [1.0] * 3
+    assert [low for low, _ in intervals] == pytest.approx([0.025 ** (1 / (5 * n)) for n in (2, 20, 60)])
+    assert share_interval(np.zeros(4), np.full(4, 5.0))[0] == 0.0
+    even = share_interval(np.full(4, 1.0), np.full(4, 2.0))
+    assert even[0] < 0.5 < even[1] and even[0] == pytest.approx(1 - even[1])

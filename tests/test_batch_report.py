@@ -78,6 +78,15 @@ def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
     assert "another version of the program" in words
 
 
+def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
+    a, b = (
+        write_batch(tmp_path / name, [row(i, done, total=1) for i in range(2)]) for name, done in (("a", 1), ("b", 0))
+    )
+    words = words_of(a, b)
+    assert "B sorted -1.000 of the objects against A: too few runs to tell whether chance gave it." in words
+    assert "2 of 2" in words_of(a) and "objects sorted: 1.000, 0.158 to 1.000" in words_of(a)
+
+
 def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
     """Whose crash it is must not favour anybody."""
     died = {"seed": 1, "state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0}

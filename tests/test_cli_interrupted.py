@@ -100,3 +100,51 @@ def test_a_data_set_goes_on_and_only_the_command_itself_speaks(tmp_path):
     assert told == f"sum-drake: interrupted; {out} keeps what was rendered: the same command goes on\n"
     assert process.returncode == 130
     assert [path.name for path in out.iterdir()] == ["dataset.json"]
+
+
+def started(tmp_path, **streams):
+    """A sort that has said its first step."""
+    command = [sys.executable, "-m", "sum_drake", "sort", "--seed", "5", "--objects", "1", "--workers", "1"]
+    return subprocess.Popen([*command, "--out", str(tmp_path / "run")], text=True, **streams)
+
+
+def test_a_scheduler_that_ends_a_run_is_answered_as_ctrl_c_is(tmp_path):
+    with started(tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
+        first = run.stderr.readline()
+        run.send_signal(signal.SIGTERM)
+        said = run.stderr.read().splitlines()
+    assert "pouring" in first and run.returncode == 128 + signal.SIGTERM
+    assert said[-1].startswith("sum-drake: ended; ") and not any("Traceback" in line for line in said)
+
+
+@pytest.mark.parametrize("closed", ["a pipe that nobody reads", "no standard error"])
+def test_a_run_goes_on_when_nobody_listens(tmp_path, closed):
+    command = [sys.executable, "-m", "sum_drake", "objects", "check"]
+    if closed == "no standard error":
+        done = subprocess.run(["sh", "-c", '"$@" 2>&-', "sh", *command], capture_output=True, text=True, check=False)
+        assert done.returncode == 0 and done.stdout.count("\n") >= 15
+        return
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        short = ["--scenario-text", "{objects: {labels: [soup_can]}, simulation_duration: 0.1}"]
+        sort = [sys.executable, "-m", "sum_drake", "sort", "--seed", "5", "--workers", "1", *short]
+        done = subprocess.run(
+            [*sort, "--out", str(tmp_path / "run")], stderr=writing, stdout=subprocess.PIPE, text=True, check=False
+        )
+    finally:
+        os.close(writing)
+    assert done.returncode == 0 and "of 1 objects sorted" in done.stdout
+    assert (tmp_path / "run" / "report.html").is_file()
+
+
+def test_a_running_sorts_folder_is_not_taken(tmp_path, capsys):
+    with started(tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as run:
+        try:
+            for line in run.stderr:
+                if (tmp_path / "run" / "run.mcap").is_file() or "look" in line:
+                    break
+            assert main(["sort", "--seed", "6", "--objects", "1", "--out", str(tmp_path / "run"), "--force"]) == 2
+        finally:
+            run.kill()
+    assert "another run is at it" in capsys.readouterr().err

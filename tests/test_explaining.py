@@ -46,7 +46,7 @@ def test_a_person_can_read_it():
         "812 grasps considered: 430 from below, 210 too near the table, 96 with tide at a finger, "
         "30 with soup can in the palm, 5 with something unexplained in the hand's way, 4 touch tide, "
         "3 no straight way up past soup can, 2 no straight way to it past something, "
-        "1 within reach, but no way to hold the arm, 31 left"
+        "1 within reach, but no way to hold the arm, 31 hold"
     )
     assert explained(1, (("out_of_reach", 1),)) == "1 grasp considered: 1 out of the arm's reach"
     assert explained(0, ()) == "0 grasps considered"

@@ -1,8 +1,11 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from sum_drake.files import write_whole
+from sum_drake.assets import InputError
+from sum_drake.files import alone, write_whole
 
 
 @pytest.mark.parametrize("content", ["a mug\n", "Löffel\r\n", b"\x89PNG\r\n", ""])
@@ -25,3 +28,20 @@ def test_what_cannot_be_written_leaves_the_old_file(tmp_path: Path, monkeypatch:
     with pytest.raises(OSError, match="No space"):
         write_whole(path, "new")
     assert path.read_text() == "old"
+
+
+def test_one_process_at_a_time_is_alone_with_a_folder_and_one_that_dies_gives_it_up(tmp_path: Path) -> None:
+    hold = (
+        "import sys, pathlib; from sum_drake.files import alone\n"
+        "with alone(pathlib.Path(sys.argv[1]), 'another run'): print('held', flush=True); sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", hold, str(tmp_path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        with pytest.raises(InputError, match="another run is at it; expected its end"), alone(tmp_path, "another run"):
+            pass
+        holder.kill()
+        holder.wait()
+        with alone(tmp_path, "another run"):
+            pass
+    assert not list(tmp_path.iterdir()), "nothing is left in the folder"

@@ -1,5 +1,6 @@
 """The table seen from above: things, regions and places lie where the world has them."""
 
+import dataclasses
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -8,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from run_folders import X_WO_PLACE, executed, write_run
 
-from sum_drake.from_above import SCALE, from_above
+from sum_drake.from_above import SCALE, above_legend, from_above
 from sum_drake.jsonio import write_json
 from sum_drake.objects import load_catalogue
 from sum_drake.run_folder import read_run_folder
@@ -82,3 +83,11 @@ def test_a_run_without_its_log_has_no_map(tmp_path: Path) -> None:
     data["objects"][0]["p_W"] = [90.0, 0.0, 0.0]
     write_json(folder / "summary.json", data)
     assert not any("truly" in words for words in titles(drawn(folder)))
+
+
+def test_the_legend_speaks_of_marks_that_are_there(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", CATALOGUE)
+    run = read_run_folder(folder)
+    assert all(word in above_legend(run) for word in ("Filled", "Dotted", "Crosses"))
+    assert "Crosses" not in above_legend(dataclasses.replace(run, summary=None))
+    assert "Dotted" not in above_legend(dataclasses.replace(run, summary=None, record=None))

@@ -198,7 +198,7 @@ def test_each_thing_that_differs_has_its_words(catalogue: Catalogue) -> None:
     turned[0, 3] += 0.003
     cases: list[tuple[Perception, str]] = [
         (put(one, probability=0.71), "sugar (track 0)  accepted, 0.7  accepted, 0.71  probability"),
-        (put(one, accepted=False), "sugar (track 0)  accepted, 0.7  held, 0.7  accepted"),
+        (put(one, accepted=False), "sugar (track 0)  accepted, 0.7  not accepted, 0.7  accepted"),
         (put(one, X_WO=readonly(turned)), "sugar (track 0)  accepted, 0.7  accepted, 0.7  pose by 3 mm, 5.7 deg"),
         (put(one, box=(3.0, 4.0, 20.0, 10.0)), "sugar (track 0)  accepted, 0.7  accepted, 0.7  box"),
         (put(one, id=7), "sugar (track 0 and 7)  accepted, 0.7  accepted, 0.7  id"),
@@ -298,13 +298,17 @@ def cut(path: Path, share: float) -> None:
     ("spoil", "words"),
     [
         (lambda run: (run / "run.mcap").unlink(), ["cannot read the log", "run.mcap", "expected an MCAP file"]),
-        (lambda run: (run / "run.mcap").write_text("hello"), ["run.mcap is no log of a run"]),
-        (lambda run: foreign_log(run / "run.mcap"), ["run.mcap is no log of a run", "no such mark"]),
+        (lambda run: (run / "run.mcap").write_text("hello, " * 9), ["run.mcap is no log of a run: it is no MCAP file"]),
+        (lambda run: foreign_log(run / "run.mcap"), ["run.mcap is no log of a run", "has no mark of one"]),
         (lambda run: empty_log(run / "run.mcap", schema="sum-drake/log/9"), ["sum-drake/log/9", "expected"]),
         (lambda run: empty_log(run / "run.mcap"), ["holds no observation"]),
         (lambda run: cut(run / "run.mcap", 0.01), ["run.mcap"]),
         (lambda run: empty_log(run / "run.mcap", seed="8"), ["holds no observation"]),
-        (lambda run: (run / "scenario.yaml").unlink(), ["scenario.yaml", "expected a YAML file of scenarios"]),
+        (lambda run: (run / "scenario.yaml").unlink(), ["no scenario.yaml in it", "expected the folder of a run"]),
+        (
+            lambda run: (run / "scenario.yaml").rename(run / "batch.json"),
+            ["the folder of a batch", "expected the folder of a run"],
+        ),
         (lambda run: (run / "scenario.yaml").write_bytes(b"\xff\xfe\x00"), ["scenario.yaml", "expected a YAML file"]),
         (lambda run: (run / "scenario.yaml").write_text("resolved: [1"), ["scenario.yaml", "expected YAML"]),
         (lambda run: (run / "scenario.yaml").write_text("resolved: {speed: 3}"), ["unknown key 'speed'"]),

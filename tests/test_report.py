@@ -242,7 +242,7 @@ def test_why_something_was_moved_and_what_was_in_the_way_is_told(run_folder: Pat
     write_json(summary_file, data)
     words = Page(write_report(run_folder).read_text()).words
     assert "moved out of the way: executed" in words and "in the way of 96 grasps at sugar" in words
-    assert "120 grasps considered: 96 with tide at a finger, 4 too near the table, 20 left" in words
+    assert "120 grasps considered: 96 with tide at a finger, 4 too near the table, 20 hold" in words
     del data["attempts"][0]["why"]
     write_json(summary_file, data)
     assert "moved" in write_report(run_folder).read_text(), "summaries written before there was a why"

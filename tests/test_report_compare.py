@@ -54,7 +54,7 @@ def test_a_run_that_was_cut_off_goes_beside_one_that_was_not(tmp_path: Path) -> 
     for file in ("summary.json", "scenario.yaml"):
         (tmp_path / "b" / file).unlink()
     page = compared(tmp_path)
-    assert "B: There is no summary.json" in page.words and "unfinished" in page.words
+    assert "B: There is no summary.json" in page.words and "B: There is no scenario.yaml" in page.words
     assert "not there" in page.words
     (tmp_path / "b" / "run.mcap").unlink()
     with pytest.raises(InputError, match="nothing to report"):

@@ -27,3 +27,9 @@ def test_words_and_chips():
     assert reason({"reason": "no_grasp", "kind": "none"}) == "no grasp"
     assert reason({"reason": "executed", "kind": "move"}) == "moved out of the way: executed"
     assert "&lt;mug&gt;" in name("<mug>", load_catalogue())
+
+
+def test_a_cleared_table_is_not_good_where_something_fell_off_it():
+    assert "good" in outcome_chip("cleared", {"objects_sorted": 5, "objects_total": 5})
+    chip = outcome_chip("cleared", {"objects_sorted": 3, "objects_total": 5})
+    assert "poor" in chip and "cleared, 3 of 5 sorted" in chip

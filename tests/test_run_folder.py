@@ -1,5 +1,6 @@
 """A run folder: what there is of it, and attempts of summary and log brought together."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -42,6 +43,26 @@ def test_a_scenario_without_regions_has_none(tmp_path: Path, scenario: str) -> N
     folder = write_run(tmp_path / "run", CATALOGUE)
     (folder / "scenario.yaml").write_text(scenario)
     assert read_run_folder(folder).regions() == {}
+
+
+def test_files_of_two_runs_and_a_missing_scenario_are_told(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", CATALOGUE)
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps({**summary, "seed": 12345}))
+    (folder / "scenario.yaml").write_text(" \n")
+    problems = "\n".join(read_run_folder(folder).problems)
+    assert "summary.json is of seed 12345, run.mcap of seed" in problems and "expected files of one run" in problems
+    assert "There is no scenario.yaml: table and bins are not known." in problems
+
+
+def test_without_a_summary_the_logs_last_event_tells_how_it_ended(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", CATALOGUE)
+    run = read_run_folder(folder)
+    assert run.record is not None
+    ended = {"time": 12.0, "name": "run_ended", "detail": {"outcome": "cleared"}}
+    told = dataclasses.replace(run, summary=None, record=dataclasses.replace(run.record, events=(ended,)))
+    assert told.outcome == "cleared"
+    assert dataclasses.replace(told, record=dataclasses.replace(run.record, events=())).outcome == "unfinished"
 
 
 def test_nothing_is_refused(tmp_path: Path) -> None:

@@ -86,16 +86,16 @@ def test_foreign_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no log of a run"):
         read_what_there_is(tmp_path / "text.mcap")
     (tmp_path / "empty.mcap").write_bytes(b"")
-    with pytest.raises(InputError, match="is no log of a run"):
+    with pytest.raises(InputError, match="is no log of a run: it is cut off"):
         read_run_log(tmp_path / "empty.mcap")
 
 
 @pytest.mark.parametrize(
     ("schema", "words"),
     [("sum-drake/log/2", "is of a later version: 'sum-drake/log/2'; expected 'sum-drake/log/1'"),
-     ("sum-drake/log/x", "is no log of a run: its metadata holds 'sum-drake/log/x'"),
-     ("sum-drake/run/2", "is no log of a run: its metadata holds 'sum-drake/run/2'"),
-     (None, "is no log of a run: its metadata holds 'no such mark'")],
+     ("sum-drake/log/x", "is no log of a run: it is marked 'sum-drake/log/x'"),
+     ("sum-drake/run/2", "is no log of a run: it is marked 'sum-drake/run/2'"),
+     (None, "is no log of a run: it has no mark of one")],
 )  # fmt: skip
 def test_a_log_of_another_kind_is_one_line(tmp_path: Path, schema: str | None, words: str) -> None:
     with McapLog(tmp_path / "log.mcap", metadata=None if schema is None else {"schema": schema}) as log:
@@ -119,8 +119,8 @@ class Counted(BytesIO):
 @pytest.mark.parametrize(
     ("metadata", "words"),
     [
-        (None, "is no log of a run: its metadata holds 'no such mark', expected schema"),
-        (("theirs", {"schema": SCHEMA}), "is no log of a run: its metadata holds 'no such mark'"),
+        (None, "is no log of a run: it has no mark of one; expected an MCAP file with the mark"),
+        (("theirs", {"schema": SCHEMA}), "is no log of a run: it has no mark of one"),
         (("sum-drake", {"schema": "sum-drake/log/2"}), "is of a later version: 'sum-drake/log/2'; expected"),
     ],
 )

@@ -108,8 +108,9 @@ def _run(options: argparse.Namespace) -> None:
     if not options.quiet:
         figures = told["figures"]
         share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))
-        interval = "" if low is None else f" ({low:.3f} to {high:.3f} in 95 % of bootstrap draws)"
-        print(f"{figures['runs']:.0f} runs: {share:.3f} of {figures['objects']:.0f} objects sorted{interval}")
+        interval = "" if low is None else f" (95 % interval {low:.3f} to {high:.3f})"
+        done, objects = round(share * figures["objects"]), figures["objects"]
+        print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted, {share:.3f}{interval}")
         for cause, count in told["causes"].items():
             print(f"  lost: {count} {cause}")
         print(options.out / "batch.json")

@@ -3,11 +3,12 @@
 import argparse
 import contextlib
 import os
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TextIO, TypeAlias
 
 from sum_drake.assets import InputError
 
@@ -124,11 +125,28 @@ def check_writable(file: Path) -> None:
         raise InputError(f"{file}: cannot be written; expected a file in a folder that exists")
 
 
+def check_makeable(folder: Path) -> None:
+    """Refuses a folder that cannot be made where it is asked for. Nothing is made."""
+    above = next(parent for parent in folder.absolute().parents if parent.exists())
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(f"--out {folder}: cannot be made in {above}; expected a folder that can be written")
+
+
+def redrawn(stream: TextIO) -> bool:
+    """Whether a line on it can be redrawn in place: a terminal that knows how."""
+    return stream.isatty() and os.environ.get("TERM", "") not in ("", "dumb")
+
+
+def fitted(line: str) -> str:
+    """A line cut so that a terminal does not break it: what is broken cannot be redrawn."""
+    return line[: max(shutil.get_terminal_size().columns - 1, 8)]
+
+
 class Counting:
     """How many of how many, and the time left: a line redrawn on a terminal, else one each half minute."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._quiet, self._terminal = quiet, sys.stderr.isatty()
+        self._quiet, self._terminal = quiet, redrawn(sys.stderr)
         self._told, self._of = float("-inf"), (-1, -1)
 
     def __call__(self, what: str, done: int, total: int) -> None:
@@ -143,7 +161,7 @@ class Counting:
         left = (now - self._begun) / (done - self._from) * (total - done) if done > self._from else None
         line = f"{what}: {done} of {total}" + ("" if left is None else f", {_duration(left)} left")
         end = "" if self._terminal and done < total else "\n"
-        print(f"\r\033[K{line}" if self._terminal else line, end=end, file=sys.stderr, flush=True)
+        print(f"\r\033[K{fitted(line)}" if self._terminal else line, end=end, file=sys.stderr, flush=True)
 
 
 def _duration(seconds: float) -> str:
@@ -163,7 +181,7 @@ def if_interrupted(say: Callable[[], str], *, quiet: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        if sys.stderr.isatty() and not quiet:
+        if redrawn(sys.stderr) and not quiet:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
         raise KeyboardInterrupt(say()) from None
 

@@ -69,10 +69,15 @@ def _replay(options: argparse.Namespace) -> None:
     if not run.is_dir():
         what = "a file" if run.exists() else "no such folder"
         raise InputError(f"{run}: {what}; expected the folder of a run, as sum-drake sort writes it")
+    if not (run / "scenario.yaml").is_file():
+        kind = "the folder of a batch" if (run / "batch.json").is_file() else "no scenario.yaml in it"
+        raise InputError(f"{run}: {kind}; expected the folder of a run, as sum-drake sort writes it")
     scenario = load_scenario(run / "scenario.yaml", text=options.scenario_text)
     overrides = parse_yaml(options.scenario_text or "{}", "--scenario-text")
     if "faults" in overrides:
         raise InputError("--scenario-text: faults: what went wrong is in the run's log; expected other fields")
+    if options.filter is not None and "filter" in overrides:
+        raise InputError(f"--filter {options.filter}: --scenario-text names a filter, too; expected one of the two")
     if options.filter is not None:
         scenario.filter = options.filter
     catalogue = catalogue_of(scenario)
@@ -81,8 +86,6 @@ def _replay(options: argparse.Namespace) -> None:
     notes = [*_notes(record, scenario), *_made_elsewhere(run)]
     with anew_if_interrupted(options.out, quiet=options.quiet):
         comparisons = _compared(record.perceptions, scenario, catalogue, options)
-    for note in notes:
-        print(note)
     if options.out is not None:
         about = {
             "schema": SCHEMA,
@@ -94,6 +97,8 @@ def _replay(options: argparse.Namespace) -> None:
             "versions": versions(),
         }
         write_json(options.out, summary(comparisons, about))
+    for note in notes:
+        print(note)
     identical = all(one.identical for one in comparisons)
     said = verdict(comparisons, whole=record.problem is None)
     if not identical:
@@ -110,7 +115,8 @@ def _read(run: Path, seed: int | None, catalogue: "Catalogue") -> "RunRecord":
     path = run / "run.mcap"
     record = read_what_there_is(path)
     if not record.perceptions:
-        raise InputError(record.problem or f"{path}: holds no observation; expected at least one")
+        cut = "" if record.problem is None else f", as far as it goes ({record.problem.split('; ')[0]})"
+        raise InputError(f"{path}: holds no observation{cut}; expected at least one")
     logged = record.metadata.get("seed")
     if None not in (seed, logged) and logged != str(seed):
         raise InputError(f"{run}: the log is of seed {logged}, scenario.yaml of {seed}; expected files of one run")

@@ -16,10 +16,13 @@ from sum_drake.commands.common import (
     add_scenario,
     check_count,
     check_free,
+    check_makeable,
     check_writable,
+    fitted,
+    redrawn,
     scenario_of,
 )
-from sum_drake.files import write_whole
+from sum_drake.files import alone, write_whole
 
 
 def add(commands: Commands) -> None:
@@ -63,12 +66,18 @@ def _run(options: argparse.Namespace) -> None:
     require_rendering()
     progress = _Progress(quiet=options.quiet)
     written = "nothing was written"
-    stack = contextlib.ExitStack()
+    stack, held = contextlib.ExitStack(), contextlib.ExitStack()
+    if out.is_dir():
+        held.enter_context(alone(out, "another run"))
+    else:
+        check_makeable(out)
 
     def open_log() -> RunLogWriter:
         """Only now, when everything has been made, is anything written."""
         nonlocal written
-        out.mkdir(parents=True, exist_ok=True)
+        if not out.is_dir():
+            out.mkdir(parents=True)
+            held.enter_context(alone(out, "another run"))
         for name in RUN_FILES:
             (out / name).unlink(missing_ok=True)
         write_whole(out / "scenario.yaml", dump_scenario(scenario))
@@ -81,18 +90,19 @@ def _run(options: argparse.Namespace) -> None:
             write_whole(options.graphviz, diagram.GetGraphvizString())
 
     try:
-        with stack:
-            episode = run(
-                scenario,
-                catalogue,
-                open_log=open_log,
-                progress=progress,
-                on_diagram=draw,
-                workers=options.workers,
-            )
-        summary = score(episode, scenario, catalogue, versions=versions(), device=device())
-        write_json(out / "summary.json", summary)
-        write_report(out, catalogue)
+        with held:
+            with stack:
+                episode = run(
+                    scenario,
+                    catalogue,
+                    open_log=open_log,
+                    progress=progress,
+                    on_diagram=draw,
+                    workers=options.workers,
+                )
+            summary = score(episode, scenario, catalogue, versions=versions(), device=device())
+            write_json(out / "summary.json", summary)
+            write_report(out, catalogue)
     except KeyboardInterrupt:
         progress.clear()
         raise KeyboardInterrupt(written) from None
@@ -114,7 +124,7 @@ class _Progress:
     WIDTH = 24
 
     def __init__(self, *, quiet: bool) -> None:
-        self._quiet, self._terminal, self._start = quiet, sys.stderr.isatty(), time.monotonic()
+        self._quiet, self._terminal, self._start = quiet, redrawn(sys.stderr), time.monotonic()
 
     def __call__(self, what: str, sim_time: float, share: float = 0.0) -> None:
         """what: a step that was taken, "" between steps; share: of the objects that were let go where they belong."""
@@ -125,7 +135,8 @@ class _Progress:
             print(f"{self._clear()}[{now}] {what}", file=sys.stderr, flush=True)
         if self._terminal:
             done = round(self.WIDTH * share)
-            print(f"{self._clear()}[{'#' * done:-<{self.WIDTH}}] {now}", end="", file=sys.stderr, flush=True)
+            bar = fitted(f"[{'#' * done:-<{self.WIDTH}}] {now}")
+            print(f"{self._clear()}{bar}", end="", file=sys.stderr, flush=True)
 
     def done(self, what: str) -> None:
         """The last line, on standard output."""
