@@ -1,5 +1,6 @@
-"""The way on of an arm that was stopped while it carried something."""
+"""Ways of an arm that was stopped while it carried something: on to where it was going, or back to where it was."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from sum_drake.kinematics import Arm
 from sum_drake.motion import NoPath, cartesian_path, plan_path
 from sum_drake.objects import ObjectModel
 from sum_drake.pick_config import PickConfig
-from sum_drake.pick_phases import comes_clear, timed, unexplained
+from sum_drake.pick_phases import comes_clear, opening, timed, unexplained
 from sum_drake.picking import PickPlan
 from sum_drake.planning_scene import PlanningScene, solid_of, solids_of_points
 from sum_drake.types import Array, Motion, Segment
@@ -39,28 +40,84 @@ def plan_carrying_on(
 
     X_WO: (4, 4), where the object was taken from; q_now: (8,), at rest. Raises RuntimeError where there is no such way.
     """
+    held = _holding(scene, plan, X_WO, model, config, obstacles, points_W)
+    q_release = plan.place.segments[0].trajectory.positions[-1]
+    way = _over(arm, held, q_now, q_release, seed, config)
+    return Motion(motion_id, (*way, *plan.place.segments[1:]), plan.place.load)
+
+
+def plan_putting_back(
+    *,
+    arm: Arm,
+    scene: PlanningScene,
+    plan: PickPlan,
+    X_WO: Array,
+    model: ObjectModel,
+    q_now: Array,
+    motion_id: int,
+    seed: int,
+    config: PickConfig,
+    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
+    points_W: Array | None = None,
+) -> Motion:
+    """Up, around everything to above where the object was taken from, and down to there, where it is let go.
+
+    Then the hand goes back as it came, which was free. An object that cannot be brought away is not dropped on the
+    floor: from where it was it may be taken by another grasp. Arguments and errors as of `plan_carrying_on`.
+    """
+    held = _holding(scene, plan, X_WO, model, config, obstacles, points_W)
+    came = {segment.name: segment for segment in plan.pick.segments}
+    way = _over(arm, held, q_now, came["lift"].trajectory.positions[-1], seed, config)
+    segments = (
+        *way,
+        _back(came["lift"], "lower", 0.0),
+        opening(came["close"].trajectory.positions[-1], came["reach"].gap, config),
+        _back(came["reach"], "retreat", came["reach"].gap),
+        _back(came["approach"], "return", came["approach"].gap),
+    )
+    return Motion(motion_id, segments, plan.place.load)
+
+
+def _holding(
+    scene: PlanningScene,
+    plan: PickPlan,
+    X_WO: Array,
+    model: ObjectModel,
+    config: PickConfig,
+    obstacles: Sequence[tuple[ObjectModel, Array]],
+    points_W: Array | None,
+) -> PlanningScene:
+    """What the arm has to keep from, and by how much, with the object in its hand."""
     others = [solid_of(other, X) for other, X in obstacles]
     points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
     around = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
     held = around.padded(
         furniture=config.furniture_padding, solids=config.solid_padding + MORE_ROOM, self_distance=config.self_padding
     )
-    held = held.holding(solid_of(model, X_WO).hulls, inverse(plan.X_WG) @ X_WO).with_gap(plan.grasp.width)
-    q_release = plan.place.segments[0].trajectory.positions[-1]
+    return held.holding(solid_of(model, X_WO).hulls, inverse(plan.X_WG) @ X_WO).with_gap(plan.grasp.width)
+
+
+def _over(
+    arm: Arm, held: PlanningScene, q_now: Array, q_there: Array, seed: int, config: PickConfig
+) -> tuple[Segment, Segment]:
+    """Straight up, as far as there is a way from there on, then around everything to q_there. Raises RuntimeError."""
     X_WG = arm.forward(q_now)
     reason = "no straight way up"
     for height in HEIGHTS:
         for rise in cartesian_path(arm, X_WG, shifted(X_WG, np.array([0.0, 0.0, height])), q_now, count=2):
             if not comes_clear(held, rise):
                 continue
-            way = plan_path(held, rise[-1], q_release[None], seed=seed, budget=config.budget)
+            way = plan_path(held, rise[-1], q_there[None], seed=seed, budget=config.budget)
             if isinstance(way, NoPath):
                 reason = f"{way.reason} {way.pairs}"
                 continue
-            segments = (
+            return (
                 Segment("lift", timing.time_curve(rise, speed=config.straight_speed), 0.0),
                 Segment("transport", timed(held, way.qs, config.speed), 0.0),
-                *plan.place.segments[1:],
             )
-            return Motion(motion_id, segments, plan.place.load)
     raise RuntimeError(f"no free way on with what is in the hand: {reason}")
+
+
+def _back(segment: Segment, name: str, gap: float) -> Segment:
+    """The same way in the other direction, under another name."""
+    return dataclasses.replace(segment, name=name, trajectory=timing.reverse(segment.trajectory), gap=gap)

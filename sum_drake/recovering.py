@@ -2,10 +2,11 @@
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import numpy as np
 
-from sum_drake.carrying import plan_carrying_on
+from sum_drake.carrying import plan_carrying_on, plan_putting_back
 from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
@@ -32,13 +33,19 @@ class Recovering:
     config: PickConfig
     seed: int
 
-    def retreat(self, perception: Perception, q: Array, motion: int) -> Motion:
+    def retreat(self, perception: Perception, q: Array, motion: int, pick: Pick | None = None) -> Motion:
         """From where the arm is, (8,), back to the viewing pose with an open hand, under the given motion id.
 
-        Goes around what was last seen. What was pushed about since then may be anywhere, the hand itself may stand
-        where something was: where that leaves no way, only table, bins and robot count. Raises RuntimeError where even
-        then there is none.
+        With the object of `pick` in its hand, past where that was taken, where it is put down, if there is a way; else
+        it is let go where the arm is. Goes around what was last seen. What was pushed about since then may be anywhere,
+        the hand itself may stand where something was: where that leaves no way, only table, bins and robot count.
+        Raises RuntimeError where even then there is none.
         """
+        if pick is not None:
+            try:
+                return self._with_what_is_held(plan_putting_back, perception, pick, q, motion)
+            except RuntimeError:
+                pass
         points_W = standing_points(perception.frame, self.table, self.clear_height)
         seen = [(self.catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
         plan = functools.partial(
@@ -60,11 +67,17 @@ class Recovering:
 
         Raises RuntimeError where there is no free way.
         """
+        return self._with_what_is_held(plan_carrying_on, perception, pick, q, motion)
+
+    def _with_what_is_held(
+        self, plan: Callable[..., Motion], perception: Perception, pick: Pick, q: Array, motion: int
+    ) -> Motion:
+        """plan: of `carrying`."""
         model = self.catalogue[pick.track.label]
         points_W = standing_points(perception.frame, self.table, self.clear_height)
         points_W = not_of(points_W, model, pick.track.X_WO)
         others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
-        return plan_carrying_on(
+        return plan(
             arm=self.arm,
             scene=self.scene,
             plan=pick.plan,

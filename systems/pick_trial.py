@@ -44,7 +44,7 @@ def run_picks(
     X_WOs: Poses,
     *,
     decide: Callable[[Poses, tuple[Attempt, ...], Array], Pick | Look | Stop],
-    retreat: Callable[[Poses, Array, int], Motion],
+    retreat: Callable[[Poses, Array, int, Pick | None], Motion],
     carry_on: Callable[[Poses, Pick, Array, int], Motion],
     shake: Callable[[Poses, Pick, Array, int, int], Motion],
     duration: float = 120.0,
@@ -72,7 +72,7 @@ def run_picks(
         "sorting_planner",
         SortingPlanner(
             decide=lambda perception, attempts, looks, q: decide(told[perception.step], tuple(attempts), q),
-            retreat=lambda perception, q, motion: retreat(told[perception.step], q, motion),
+            retreat=lambda perception, q, motion, pick: retreat(told[perception.step], q, motion, pick),
             carry_on=lambda perception, pick, q, motion: carry_on(told[perception.step], pick, q, motion),
             shake=lambda perception, pick, q, motion, times: shake(told[perception.step], pick, q, motion, times),
             period=POLL,

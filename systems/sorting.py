@@ -125,9 +125,9 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         with costs.of("planning"):
             return task.decide(perception, attempts, looks, q)
 
-    def retreat(perception: Perception, q: Array, motion: int) -> Motion:
+    def retreat(perception: Perception, q: Array, motion: int, pick: Pick | None) -> Motion:
         with costs.of("planning"):
-            return recovering.retreat(perception, q, motion)
+            return recovering.retreat(perception, q, motion, pick)
 
     def carry_on(perception: Perception, pick: Pick, q: Array, motion: int) -> Motion:
         with costs.of("planning"):

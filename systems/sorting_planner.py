@@ -18,7 +18,7 @@ from sum_drake.types import Array, Attempt, Immutable, Motion, MotionStatus, Per
 
 Decide = Callable[[Perception, Sequence[Attempt], int, Array], Pick | Look | Stop]
 """`task.SortingTask.decide`."""
-Retreat = Callable[[Perception, Array, int], Motion]
+Retreat = Callable[[Perception, Array, int, Pick | None], Motion]
 """`recovering.Recovering.retreat`."""
 CarryOn = Callable[[Perception, Pick, Array, int], Motion]
 """`recovering.Recovering.carry_on`."""
@@ -102,7 +102,8 @@ class SortingPlanner(LeafSystem):
     `observe` counts the observations asked for. `outcome` is "" while the run goes on. What the robot knows of an
     attempt is its own commands, the gap between its fingers with the force that closes them, what then weighs on the
     opened hand, and whether the controller broke a motion off for what it felt. The arm then goes back to where it
-    looks from, and looks again; with an object in its hand it first tries to go on by another way, CARRY_ONS times.
+    looks from, and looks again; with an object in its hand it first tries to go on by another way, CARRY_ONS times,
+    and then to bring it back to where it was.
     What hangs on the hand after it was opened at the place is no object placed: the arm goes to shake it off there,
     SHAKES times at most; where it was gone before it got there, it was lost on the way.
     """
@@ -228,18 +229,19 @@ class SortingPlanner(LeafSystem):
         return self._go_on_or_back(context, held, status)
 
     def _go_on_or_back(self, context: Context, held: _Sorting, status: MotionStatus) -> _Sorting:
-        """After a stop: on by another way with what the hand holds, or back without it."""
+        """After a stop: on by another way with what the hand holds, or back with it, or without."""
         assert held.pick is not None and held.motion is not None
-        if held.at_place.holds(held.pick.plan.grasp.width) and held.carry_ons < CARRY_ONS:
+        holding = held.at_place.holds(held.pick.plan.grasp.width)
+        if holding and held.carry_ons < CARRY_ONS:
             try:
                 motion = self._carry_on(
                     self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1
                 )
-            except RuntimeError:  # then it goes back without the object
+            except RuntimeError:  # then it goes back
                 pass
             else:
                 return dataclasses.replace(held, phase="place", motion=motion, carry_ons=held.carry_ons + 1)
-        return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
+        return self._go_back(context, dataclasses.replace(held, stopped=status.stopped), holding=holding)
 
     def _follow_retreat(self, context: Context, held: _Sorting) -> _Sorting:
         if not self._done(context, held):
@@ -280,14 +282,18 @@ class SortingPlanner(LeafSystem):
             return dataclasses.replace(held, hung_there=self._hangs(context))
         return self._go_back(context, held) if status.stopped else dataclasses.replace(held, phase="weigh")
 
-    def _go_back(self, context: Context, held: _Sorting) -> _Sorting:
-        """Sets out for the viewing pose with an open hand; the run is over where there is no way."""
+    def _go_back(self, context: Context, held: _Sorting, *, holding: bool = False) -> _Sorting:
+        """Sets out for the viewing pose with an open hand; the run is over where there is no way.
+
+        holding: the object of the pick, which is then brought back first, if that can be done.
+        """
         assert held.motion is not None
         if held.retreats == RETREATS:
             said = f"the arm was stopped on {RETREATS} ways back to the viewing pose"
             return dataclasses.replace(self._record(held), phase="done", outcome=f"stopped: {said}")
         try:
-            motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1)
+            pick = held.pick if holding else None
+            motion = self._retreat(self._perception.Eval(context), self._arm(context), held.motion.id + 1, pick)
         except RuntimeError as error:
             return dataclasses.replace(self._record(held), phase="done", outcome=f"stopped: {error}")
         motion = dataclasses.replace(motion, insistence=2.0**held.retreats)

@@ -7,7 +7,7 @@ import pytest
 from test_picking import ARM, CATALOGUE, plan, standing
 
 from sum_drake import timing
-from sum_drake.carrying import plan_carrying_on
+from sum_drake.carrying import plan_carrying_on, plan_putting_back
 from sum_drake.geometry import inverse
 from sum_drake.pick_config import PickConfig
 from sum_drake.picking import PickPlan
@@ -51,6 +51,32 @@ def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
         assert segment.gap == 0.0, "the hand stays closed"
         assert held.with_gap(made.grasp.width).free_many(timing.sample(segment.trajectory, 0.004)).all()
         assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+
+
+def test_what_cannot_be_brought_away_is_put_down_where_it_was_and_the_hand_goes_back_as_it_came(scene, made):
+    q_now = timing.evaluate(made.place.segments[0].trajectory, 1.0)[0]
+    motion = plan_putting_back(
+        arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
+        config=PickConfig(),
+    )  # fmt: skip
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "lower", "open", "retreat", "return"]
+    assert motion.load == made.place.load
+    came = {segment.name: segment for segment in made.pick.segments}
+    q_grasp, q_start = came["close"].trajectory.positions[-1], came["approach"].trajectory.positions[0]
+    np.testing.assert_allclose(motion.segments[2].trajectory.positions[-1], came["lift"].trajectory.positions[0])
+    np.testing.assert_allclose(motion.segments[3].trajectory.positions[0], q_grasp, atol=1e-9)
+    np.testing.assert_allclose(motion.segments[-1].trajectory.positions[-1], q_start)
+    for before, after in itertools.pairwise(motion.segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    assert [segment.gap for segment in motion.segments[:3]] == [0.0] * 3, "the hand stays closed until it is there"
+    assert all(segment.gap >= came["approach"].gap - 1e-9 for segment in motion.segments[3:])
+    for segment in motion.segments:
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+    with pytest.raises(RuntimeError, match="no free way on"):
+        plan_putting_back(
+            arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
+            config=PickConfig(), obstacles=[(CATALOGUE["tide"], X_WO)],
+        )  # fmt: skip
 
 
 def test_where_there_is_no_way_it_is_said_why(scene, made):

@@ -74,6 +74,19 @@ def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_
     np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
 
 
+def test_the_way_back_with_something_in_the_hand_leads_past_where_it_was_taken(can_seen, pick, q_over_table):
+    q = timing.evaluate(pick.plan.place.segments[0].trajectory, 0.4)[0]
+    motion = RECOVERING.retreat(can_seen, q, 7, pick)
+    assert_returns(motion, q)
+    assert [segment.name for segment in motion.segments][2:4] == ["lower", "open"]
+    X_WG = ARM.forward(motion.segments[3].trajectory.positions[0])
+    np.testing.assert_allclose(X_WG, pick.plan.X_WG, atol=1e-6)
+    # Where something has taken its place meanwhile, it is let go where the arm is.
+    X_WO = standing(CATALOGUE, "tide", 0.6, 0.05)
+    blocked = see({"tide": X_WO}, [believe("tide", X_WO, 3)])
+    assert RECOVERING.retreat(blocked, q, 7, pick).segments[0].name == "open"
+
+
 @pytest.mark.parametrize("times", range(SHAKES))
 def test_what_hangs_on_the_hand_is_shaken_off_over_where_it_was_to_be(can_seen, pick, times):
     q_now = pick.plan.place.segments[-1].trajectory.positions[-1]

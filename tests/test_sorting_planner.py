@@ -45,14 +45,15 @@ class Bench:
     """The planner between ports that the test turns."""
 
     def __init__(self, *choices, ways_on=0, shakes=True):
-        self.asked, self.shaken = [], []
+        self.asked, self.shaken, self.brought_back = [], [], []
         choices, ways_on = list(choices), [MOTION.segments] * ways_on
 
         def decide(perception, attempts, looks, q):
             self.asked.append((perception.step, len(attempts), looks))
             return choices.pop(0)
 
-        def retreat(perception, q, motion):
+        def retreat(perception, q, motion, pick):
+            self.brought_back.append(pick is not None)
             return Motion(motion, MOTION.segments)
 
         def carry_on(perception, pick, q, motion):
@@ -302,7 +303,7 @@ def test_resistance_in_the_lift_is_gone_around_where_the_hand_holds_something():
 
 
 @pytest.mark.parametrize("ways_on", [0, 1, 5])
-def test_an_object_that_cannot_be_carried_on_is_left_behind(ways_on):
+def test_an_object_that_cannot_be_carried_on_is_brought_back_if_it_is_still_held(ways_on):
     bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=ways_on)
     bench.look(0)
     bench.hand(0.04)
@@ -310,10 +311,24 @@ def test_an_object_that_cannot_be_carried_on_is_left_behind(ways_on):
     for _ in range(1 + min(ways_on, CARRY_ONS)):
         bench.run("transport")
         bench.finish("unexpected_effort")
-    assert bench.out("motion").load is None, "a way back"
+    assert bench.out("motion").load is None and bench.brought_back == [True]
+    bench.run("transport")
+    bench.finish("unexpected_effort")
+    assert bench.brought_back == [True, False], "stopped on that way, it lets go where it is"
     bench.finish()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("unexpected_effort", False, True)
+
+
+def test_a_hand_that_is_empty_brings_nothing_back():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    bench.hand(0.0)
+    bench.finish("empty_hand")
+    assert bench.brought_back == [False]
 
 
 def test_resistance_after_the_release_does_not_undo_it():

@@ -107,3 +107,16 @@ def test_beyond_its_times_a_trajectory_rests():
     for t, q in ((-1.0, path[0]), (1e3, path[-1])):
         np.testing.assert_allclose(timing.evaluate(trajectory, t)[0], q, atol=1e-12)
         np.testing.assert_array_equal(timing.evaluate(trajectory, t)[1], np.zeros(8))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_a_way_in_reverse_is_the_same_way_at_the_same_speeds(seed):
+    there = timing.time_path(polyline(seed))
+    back = timing.reverse(there)
+    assert_sound(back, there.positions[-1], there.positions[0])
+    for time in np.linspace(0.0, there.times[-1], 7):
+        q, v, *_ = timing.evaluate(there, time)
+        q_back, v_back, *_ = timing.evaluate(back, there.times[-1] - time)
+        np.testing.assert_allclose(q_back, q, atol=1e-9)
+        np.testing.assert_allclose(v_back, -v, atol=1e-9)

@@ -5,14 +5,14 @@ import functools
 import itertools
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sum_drake import robot
 from sum_drake.attempting import region_of
 from sum_drake.bench.plan_picks import CLUTTER, Picked
-from sum_drake.carrying import plan_carrying_on
+from sum_drake.carrying import plan_carrying_on, plan_putting_back
 from sum_drake.evaluation import where_is
 from sum_drake.geometry import apply, inverse
 from sum_drake.grasp_ranking import rank_grasps
@@ -124,7 +124,12 @@ class _Deciding:
         self.cpu_s += time.process_time() - start
         return Stop("stopped: no object can be attempted", tuple(refused))
 
-    def retreat(self, X_WOs: Poses, q: Array, motion: int) -> Motion:
+    def retreat(self, X_WOs: Poses, q: Array, motion: int, pick: Pick | None) -> Motion:
+        if pick is not None:
+            try:
+                return self._with_what_is_held(plan_putting_back, X_WOs, pick, q, motion)
+            except RuntimeError:
+                pass
         plan = functools.partial(
             plan_retreat, arm=self.robot.arm, scene=self.robot.scene, q_now=q, motion_id=motion,
             seed=self.seed, config=self.robot.scenario.pick,
@@ -135,8 +140,13 @@ class _Deciding:
             return plan()
 
     def carry_on(self, X_WOs: Poses, pick: Pick, q: Array, motion: int) -> Motion:
+        return self._with_what_is_held(plan_carrying_on, X_WOs, pick, q, motion)
+
+    def _with_what_is_held(
+        self, plan: Callable[..., Motion], X_WOs: Poses, pick: Pick, q: Array, motion: int
+    ) -> Motion:
         label, known = pick.track.label, self.robot
-        return plan_carrying_on(
+        return plan(
             arm=known.arm,
             scene=known.scene,
             plan=pick.plan,
