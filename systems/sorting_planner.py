@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 
+import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
@@ -10,7 +11,7 @@ from sum_drake.action_model import HANGS, holds
 from sum_drake.dynamics import ArmDynamics
 from sum_drake.picking import PickPlan
 from sum_drake.reflex import CARRYING
-from sum_drake.robot import ARM_JOINTS, JOINTS, STATE_JOINTS, arm_positions, finger_gap, squeeze
+from sum_drake.robot import ARM_JOINTS, JOINTS, STATE_JOINTS, arm_positions, arm_velocities, finger_gap, squeeze
 from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, pack, unpack
 from sum_drake.task import Look, Pick, Stop
@@ -25,9 +26,12 @@ CarryOn = Callable[[Perception, Pick, Array, int], Motion]
 Shake = Callable[[Perception, Pick, Array, int, int], Motion]
 """`recovering.Recovering.shake`."""
 PUSHING = 2.0
-"""So much more resistance is put up with by picks of an object whose neighbours were met before."""
+"""So much more resistance is put up with by picks of an object whose neighbours were met before, and on ways around
+what was met with an object in the hand: it may hang lower than it was taken."""
 CARRY_ONS = 2
 """Times that the arm goes on by another way after it was stopped with an object in its hand."""
+RESTING = 0.05
+"""An arm whose joints are slower than this is at rest, radians (of the torso, metres) a second."""
 RETREATS = 3
 """Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
@@ -240,6 +244,7 @@ class SortingPlanner(LeafSystem):
             except RuntimeError:  # then it goes back
                 pass
             else:
+                motion = dataclasses.replace(motion, insistence=PUSHING)
                 return dataclasses.replace(held, phase="place", motion=motion, carry_ons=held.carry_ons + 1)
         return self._go_back(context, dataclasses.replace(held, stopped=status.stopped), holding=holding)
 
@@ -359,8 +364,12 @@ class SortingPlanner(LeafSystem):
         return arm_positions(self._robot_state.Eval(context))
 
     def _done(self, context: Context, held: _Sorting) -> bool:
+        """Whether the motion is over; one that was broken off, once the arm no longer swings: it would be felt."""
         status: MotionStatus = self._status.Eval(context)
-        return held.motion is not None and status.motion == held.motion.id and status.done
+        over = held.motion is not None and status.motion == held.motion.id and status.done
+        if not over or not status.stopped:
+            return over
+        return float(np.abs(arm_velocities(self._robot_state.Eval(context))).max()) < RESTING
 
     @staticmethod
     def _numbered(held: _Sorting, motion: Motion) -> Motion:

@@ -8,7 +8,7 @@ from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
 from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.systems.sorting_planner import CARRY_ONS, Feel, SortingPlanner
+from sum_drake.systems.sorting_planner import CARRY_ONS, PUSHING, Feel, SortingPlanner
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import (
     Attempt,
@@ -318,6 +318,22 @@ def test_an_object_that_cannot_be_carried_on_is_brought_back_if_it_is_still_held
     bench.finish()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.released, attempt.action.held_place) == ("unexpected_effort", False, True)
+
+
+def test_an_arm_that_was_stopped_goes_on_once_it_no_longer_swings():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), ways_on=1)
+    bench.look(0)
+    bench.hand(0.04)
+    bench.finish()
+    bench.run("transport")
+    state = np.zeros(24)
+    state[:8], state[8:10], state[15] = VIEW, 0.02, 0.2
+    bench.planner.GetInputPort("robot_state").FixValue(bench.context, state)
+    bench.finish("unexpected_effort")
+    assert bench.out("motion").id == 1, "what it feels while it swings is no resistance"
+    bench.hand(0.04)
+    bench.wait()
+    assert (bench.out("motion").id, bench.out("motion").insistence) == (2, PUSHING)
 
 
 def test_a_hand_that_is_empty_brings_nothing_back():
