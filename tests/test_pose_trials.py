@@ -45,7 +45,7 @@ def test_looks_with_the_most_false_positives_are_shown_in_three_pictures():
     row = PoseRow("default", 1, "mug", 0, "stereo", 1.0, False, 0.004, 3.0, 90.0, 0.002, 0.9, 0.8, 9, [], detected=True)
     looks = [Corrected(record, false, max(false - 1, 0), 1) for false in (0, 1, 2, 5, 3)]
     html = "".join(papers_part([row], figures([row]), looks, "", CATALOGUE))
-    assert html.count("<figure>") == 3 * 3 and html.count("<svg") == 4
+    assert html.count("<figure>") == 3 * 3 and html.count(">rotation bound, degrees<") == 4
     assert "7 of 11 hypotheses" in html and "5 accepted ones are wrong" in html
     assert html.index("4 of 5 false") < html.index("2 of 3 false") < html.index("1 of 2 false")
     assert "0 of 1 false" not in html

@@ -63,6 +63,8 @@ def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
         [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     workers = [int(pid) for pid in process.stdout.readline().split()]
+    # Not at the very moment at which it begins to wait: Python then takes notice of a signal when the wait is over.
+    time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does it
     out, err = process.communicate(timeout=50)
     assert (out, err, process.returncode) == ("given up\n", "", 0)
