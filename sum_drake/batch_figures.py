@@ -55,12 +55,13 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
 
 
 COSTS = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "sim_time_s")
+"""Fields of a summary's `timing` of which medians are told, seconds."""
 
 
 def losses(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Every object that did not end where it belongs, with its seed and the reason: rows of a table.
 
-    The reason is the last try at it, else whose try knocked it off, else why it was never tried.
+    The reason is that another's pick knocked it off, else the last try at it, else why it was never tried.
     """
     found = []
     for row in rows:

@@ -46,8 +46,8 @@ def _run(options: argparse.Namespace) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: PTH123, SIM115
         return 0
     except OSError as error:
-        where = "standard output" if error.filename is None else error.filename
-        print(f"sum-drake: {where}: {error.strerror}; expected a place that can be written", file=sys.stderr)
+        where = "standard output, or a file that was being written" if error.filename is None else error.filename
+        print(f"sum-drake: {where}: {error.strerror}; expected files that can be read and written", file=sys.stderr)
         return BAD_INPUT
     return 0
 

@@ -15,8 +15,12 @@ def write_whole(path: Path, content: str | bytes) -> None:
     Raises OSError where the folder cannot be written.
     """
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-    temporary.replace(path)
+    try:
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+        temporary.replace(path)
+    except BaseException:  # a full disk, or Ctrl-C
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 @contextlib.contextmanager

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sum_drake.belief_chart import SHOWN
 from sum_drake.drawing import footprint, label_color
 from sum_drake.geometry import apply
 from sum_drake.report_parts import OUTCOME_KINDS
@@ -15,11 +16,10 @@ from sum_drake.types import Array, Region, Track
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
-SHOWN = 0.05
-"""Tracks less probable than that are left out."""
 SCALE = 280.0
 """Pixels a metre."""
 _MARGIN = 0.07
+"""Around all that is drawn, metres."""
 _ROBOT = 0.27
 """Radius of the robot's base, metres."""
 _EDGES = {"good": "#1a7f4b", "bad": "#b3261e", "plain": FAINT}
@@ -36,13 +36,14 @@ def from_above(run: RunFolder, catalogue: "Catalogue") -> str:
     tracks = [track for track in run.perceptions[-1].posterior.tracks if track.probability >= SHOWN]
     put = [one for one in run.tried() if _released(one)]
     regions = run.regions()
-    view = _View.of(regions, [track.X_WO for track in tracks] + [_place(one) for one in put])
+    objects = [] if run.summary is None else run.summary["objects"]
+    seen = [track.X_WO[:3, 3] for track in tracks] + [_place(one)[:3, 3] for one in put]
+    view = _View.of(regions, [*seen, *(np.array(row["p_W"]) for row in objects)])
     # The table first: other regions may lie within it.
     by_size = sorted(regions.values(), key=lambda region: -float(np.prod(region.half_extents[:2])))
     parts = [_robot(view)] + [_region(region, view) for region in by_size]
     parts += [_placed(one, view, catalogue) for one in put]
     parts += [_believed(track, view, catalogue) for track in sorted(tracks, key=lambda track: track.probability)]
-    objects = [] if run.summary is None else run.summary["objects"]
     parts += _numbers(put, view)
     # Crosses last: an object that went where it was to go lies under its number.
     parts += [_truth(row, view, catalogue) for row in objects if view.holds(row["p_W"])]
@@ -53,9 +54,7 @@ def above_legend(*runs: RunFolder) -> str:
     """What the marks of such drawings mean, HTML: crosses only where a run has some."""
     words = "Filled: accepted after the last look; dashed: not accepted."
     if any(_released(one) for run in runs for one in run.tried()):
-        words += (
-            " Dotted with a number: where that attempt let go, its ring green if the object ended where it belongs."
-        )
+        words += " Dotted with a number: where that attempt let go, its ring green if it ended as it was meant to."
     if any(run.summary is not None and run.summary["objects"] for run in runs):
         words += " Crosses: where things truly lie."
     return f'<p class="legend">{words}</p>'
@@ -78,11 +77,11 @@ class _View:
         self._low, self._high = low, high
 
     @staticmethod
-    def of(regions: Mapping[str, Region], poses: Sequence[Array]) -> "_View":
-        """Holds all of these and the robot."""
+    def of(regions: Mapping[str, Region], p_Ws: Sequence[Array]) -> "_View":
+        """Holds all of these, p_Ws (3,) as far as 3 m from the robot, and the robot."""
         points = [np.array([[-_ROBOT, -_ROBOT], [_ROBOT, _ROBOT]])]
         points += [region.p_W[:2] + np.outer([-1, 1], region.half_extents[:2]) for region in regions.values()]
-        points += [np.clip(X[None, :2, 3], -3.0, 3.0) + np.outer([-1, 1], [0.12, 0.12]) for X in poses]
+        points += [np.clip(p_W[None, :2], -3.0, 3.0) + np.outer([-1, 1], [0.12, 0.12]) for p_W in p_Ws]
         every = np.concatenate(points)
         return _View(every.min(0) - _MARGIN, every.max(0) + _MARGIN)
 

@@ -10,13 +10,23 @@ import yaml
 from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.belief import ENDS
-from sum_drake.belief_chart import belief_chart, left_out, reasons
+from sum_drake.belief_chart import SHOWN, belief_chart, left_out, reasons
 from sum_drake.drawing import Image, draw_depth, draw_perception, verdict
 from sum_drake.faults import KINDS
 from sum_drake.files import write_whole
 from sum_drake.from_above import above_legend, from_above
 from sum_drake.report_attempts import attempts_part
-from sum_drake.report_parts import cost_name, count, degrees, millimetres, name, outcome_chip, reason, seconds
+from sum_drake.report_parts import (
+    cost_name,
+    count,
+    degrees,
+    millimetres,
+    name,
+    outcome_chip,
+    place_chip,
+    reason,
+    seconds,
+)
 from sum_drake.run_folder import RunFolder, Tried, catalogue_of_run, read_run_folder
 from sum_drake.runlog_reader import RunRecord
 from sum_drake.types import Perception, SceneBelief
@@ -66,7 +76,8 @@ def _film(run: RunFolder, catalogue: "Catalogue", progress: Progress | None) -> 
 
     board = None if run.record is None else storyboard(run.record, catalogue, run.regions())
     if run.record is None or board is None or not board.shots:
-        return '<p class="problem">There is no film: the log tells of no joints.</p>'
+        lack = "no log" if run.record is None else "nothing of joints in the log"
+        return f'<p class="problem">There is no film: there is {lack}.</p>'
     problem = egl_problem()
     if problem is not None:
         return f'<p class="problem">There is no film: {page.text(problem)}</p>'
@@ -127,7 +138,7 @@ def _scene(run: RunFolder, catalogue: "Catalogue", film: str) -> list[str]:
     above = from_above(run, catalogue)
     filmed = [] if film is _NO_FILM else [f"<div><h2>The run</h2>{film}</div>"]
     seen = [f"<div><h2>From above, at the end</h2>{page.figure(above)}{above_legend(run)}</div>"] if above else []
-    none = [] if above or run.record is None else ["<p>No look was made: nothing is believed.</p>"]
+    none = [] if above or run.record is None else ["<p>The log holds no look: nothing is believed.</p>"]
     side_by_side = ['<div class="scene">', *filmed, *seen, "</div>"] if filmed or seen else []
     return [*none, *side_by_side, *([film] if film is _NO_FILM else [])]
 
@@ -143,7 +154,7 @@ def _belief(looks: Sequence[Perception], catalogue: "Catalogue") -> list[str]:
     )
     rest = left_out(looks)
     if rest:
-        words += f" Not shown: {count(rest, 'track')} never above 0.05."
+        words += f" Not shown: {count(rest, 'track')} never above {SHOWN:g}."
     ends = [f"<b>{page.text(word)}</b>: {page.text(said)}" for word, said in reasons(looks).items()]
     told = f" Ended, {'; '.join(ends)}." if ends else ""
     return ["<h2>Belief over time</h2>", f'<p class="legend">{page.text(words)}{told}</p>', page.figure(chart)]
@@ -172,8 +183,7 @@ def _figures(summary: Mapping[str, Any]) -> str:
 def _object_table(objects: Sequence[Mapping[str, Any]], catalogue: "Catalogue") -> str:
     rows = []
     for row in objects:
-        kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
-        rows.append([name(row["label"], catalogue), page.text(row["goal"]), page.chip(row["place"], kind)])
+        rows.append([name(row["label"], catalogue), page.text(row["goal"]), place_chip(row)])
     return page.table(["object", "belongs in", "ended"], rows) if rows else "<p>There was none.</p>"
 
 

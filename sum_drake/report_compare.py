@@ -11,13 +11,16 @@ from sum_drake.belief_chart import SHOWN, belief_chart
 from sum_drake.drawing import draw_perception
 from sum_drake.files import write_whole
 from sum_drake.from_above import above_legend, from_above
-from sum_drake.report_parts import cost_name, count, name, outcome_chip, reason, seconds, tried_chip
+from sum_drake.report_parts import cost_name, count, name, outcome_chip, place_chip, reason, seconds, tried_chip
 from sum_drake.run_folder import RunFolder, Tried, catalogue_of_run, read_run_folder
 from sum_drake.types import Perception
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
 
+NOTHING = "Nothing was logged."
+UNKNOWN = page.chip("unknown", "plain")
+"""Where an object of a run without a summary ended."""
 NOTABLE = 0.1
 """Probabilities that differ by less are not told of, where both runs accept or neither does."""
 _FIGURES: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
@@ -34,17 +37,19 @@ _FIGURES: tuple[tuple[str, Callable[[Mapping[str, Any]], Any]], ...] = (
 )
 
 
-def write_comparison(folder_a: Path, folder_b: Path, out: Path) -> Path:
+def write_comparison(
+    folder_a: Path, folder_b: Path, out: Path, *, progress: Callable[[int, int], None] = lambda done, of: None
+) -> Path:
     """Writes a page about two run folders, from whatever each holds; returns its path.
 
-    Raises InputError for a folder without anything to report.
+    progress: told how many looks of how many are drawn. Raises InputError for a folder without anything to report.
     """
     runs = read_run_folder(folder_a), read_run_folder(folder_b)
-    write_whole(out, _page(*runs))
+    write_whole(out, _page(*runs, progress))
     return out
 
 
-def _page(a: RunFolder, b: RunFolder) -> str:
+def _page(a: RunFolder, b: RunFolder, progress: Callable[[int, int], None]) -> str:
     (own_a, problem_a), (own_b, problem_b) = catalogue_of_run(a), catalogue_of_run(b)
     problems = [("A", line) for line in (*a.problems, problem_a) if line]
     problems += [("B", line) for line in (*b.problems, problem_b) if line]
@@ -68,7 +73,7 @@ def _page(a: RunFolder, b: RunFolder) -> str:
             unlikely = f"No track was ever above {SHOWN:g}." if run.perceptions else NOTHING
             parts += [f"<h3>{of}</h3>", _drawn(belief_chart(run.perceptions, own), unlikely)]
         parts.append(_probabilities(a, b, own_a))
-        parts += ["<h2>Observations</h2>", *_observations(a.perceptions, b.perceptions, own_a, own_b)]
+        parts += ["<h2>Observations</h2>", *_observations(a.perceptions, b.perceptions, own_a, own_b, progress)]
     if a.summary is not None and b.summary is not None:
         parts += ["<h2>Costs</h2>", _costs(a.summary["timing"], b.summary["timing"])]
         parts += ["<h2>Made with</h2>", _made_with(a.summary, b.summary)]
@@ -90,9 +95,6 @@ def _pair(left: str, right: str) -> str:
     return f'<div class="pair"><div>{left}</div><div>{right}</div></div>'
 
 
-NOTHING = "Nothing was logged."
-
-
 def _drawn(svg: str, otherwise: str = NOTHING) -> str:
     return page.figure(svg) if svg else f"<p>{page.text(otherwise)}</p>"
 
@@ -101,6 +103,9 @@ def _verdict(a: RunFolder, b: RunFolder) -> str:
     """Whether the runs are the same, and where they part."""
     if a.summary is not None and b.summary is not None and a.summary["digest"] == b.summary["digest"]:
         return "Beliefs, attempts and final poses are the same to the last bit: their digests are equal."
+    lacking = [of for of, run in (("A", a), ("B", b)) if not run.perceptions]
+    if lacking:
+        return f"Without looks in the log of {' and '.join(lacking)} nothing can be said about where they part."
     for one, other in zip_longest(a.perceptions, b.perceptions):
         if one is None or other is None:
             here = "B" if one is None else "A"
@@ -108,8 +113,8 @@ def _verdict(a: RunFolder, b: RunFolder) -> str:
             return f"Up to look {step - 1} they look alike; then only {here} goes on."
         if _seen(one) != _seen(other):
             return f"They differ from look {one.step} on." if one.step else "They differ from the first look on."
-    if not a.perceptions:
-        return "Without logs nothing can be said about where they part."
+    if a.summary is None or b.summary is None:
+        return "All their looks look alike; without both summaries no more can be said."
     return "All their looks look alike; what they did after them differs."
 
 
@@ -138,19 +143,16 @@ def _objects(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
     rows = []
     for label in dict.fromkeys((*places[0], *places[1])):
         in_a, in_b = (place.get(label) for place in places)
-        ends = [_place(row) for row in (in_a, in_b)]
+        ends = [UNKNOWN if run.summary is None else _place(row) for run, row in ((a, in_a), (b, in_b))]
         goals = dict.fromkeys(row["goal"] for row in (in_a, in_b) if row is not None)
-        differs = (in_a and in_a["place"]) != (in_b and in_b["place"])
+        differs = UNKNOWN not in ends and (in_a and in_a["place"]) != (in_b and in_b["place"])
         rows.append([name(label, catalogue), page.text(", ".join(goals)), *ends, _mark(differs)])
     heads = ["object", "belongs in", "ended in A", "ended in B", "difference"]
     return page.table(heads, rows) if rows else "<p>There was none.</p>"
 
 
 def _place(row: Mapping[str, Any] | None) -> str:
-    if row is None:
-        return page.chip("not there", "plain")
-    kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == "leave" else "bad"
-    return page.chip(row["place"], kind)
+    return page.chip("not there", "plain") if row is None else place_chip(row)
 
 
 def _attempts(in_a: Sequence[Tried], in_b: Sequence[Tried], own_a: "Catalogue", own_b: "Catalogue") -> str:
@@ -160,7 +162,7 @@ def _attempts(in_a: Sequence[Tried], in_b: Sequence[Tried], own_a: "Catalogue", 
         of_a, of_b = ([one for one in tried if one.row["step"] == step] for tried in (in_a, in_b))
         for one, other in zip_longest(of_a, of_b):
             cells = [_tried(one, own_a), _tried(other, own_b)]
-            rows.append([str(step), *cells, _mark(_essence(one) != _essence(other))])
+            rows.append([str(step), *cells, _mark(_tell_apart(one, other))])
     return page.table(["after look", "A", "B", "difference"], rows)
 
 
@@ -172,8 +174,13 @@ def _tried(one: Tried | None, catalogue: "Catalogue") -> str:
     return f"{name(row['label'], catalogue)}{told}{tried_chip(row['outcome'])}"
 
 
-def _essence(one: Tried | None) -> tuple[Any, ...]:
-    return () if one is None else tuple(one.row[key] for key in ("label", "region", "kind", "reason", "outcome"))
+def _tell_apart(one: Tried | None, other: Tried | None) -> bool:
+    """Whether two attempts differ, as far as both runs know of them: an outcome is the summary's alone."""
+    if one is None or other is None:
+        return one is not other
+    known = ("label", "region", "kind", "reason")
+    ends = one.row["outcome"], other.row["outcome"]
+    return any(one.row[key] != other.row[key] for key in known) or (None not in ends and ends[0] != ends[1])
 
 
 def _likeliest(look: Perception | None) -> dict[str, tuple[float, bool]]:
@@ -185,6 +192,8 @@ def _likeliest(look: Perception | None) -> dict[str, tuple[float, bool]]:
 
 
 def _probabilities(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
+    if not a.perceptions or not b.perceptions:
+        return "<p>Only one of them has looks: probabilities cannot be compared.</p>"
     rows = []
     for one, other in zip(a.perceptions, b.perceptions, strict=False):
         in_a, in_b = _likeliest(one), _likeliest(other)
@@ -195,10 +204,10 @@ def _probabilities(a: RunFolder, b: RunFolder, catalogue: "Catalogue") -> str:
             cells = [_probability(label in in_a, p_a, accepted_a), _probability(label in in_b, p_b, accepted_b)]
             rows.append([str(one.step), name(label, catalogue), *cells, _mark(True, f"{p_b - p_a:+.2f}")])
     if not rows:
-        return "<p>Probabilities agree within 0.1, and both accepted the same.</p>"
+        return f"<p>Probabilities agree within {NOTABLE:g}, and both accepted the same.</p>"
     words = (
-        f"{count(len(rows), 'difference')}: labels of which the likeliest track differs by 0.1 or more after the same "
-        "look, or was accepted in one run only"
+        f"{count(len(rows), 'difference')}: labels of which the likeliest track differs by {NOTABLE:g} or more after "
+        "the same look, or was accepted in one run only"
     )
     table = page.table(["look", "label", "A", "B", "B against A"], rows)
     # Runs of other objects differ everywhere.
@@ -213,10 +222,15 @@ def _probability(there: bool, p: float, accepted: bool) -> str:
 
 
 def _observations(
-    of_a: Sequence[Perception], of_b: Sequence[Perception], own_a: "Catalogue", own_b: "Catalogue"
+    of_a: Sequence[Perception],
+    of_b: Sequence[Perception],
+    own_a: "Catalogue",
+    own_b: "Catalogue",
+    progress: Callable[[int, int], None],
 ) -> list[str]:
-    parts = []
+    parts: list[str] = []
     for one, other in zip_longest(of_a, of_b):
+        progress(len(parts), max(len(of_a), len(of_b)))
         step = (one or other).step
         parts.append(f"<section><h3>Look {step}</h3>{_pair(_look(one, own_a), _look(other, own_b))}</section>")
     return parts

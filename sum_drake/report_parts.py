@@ -8,6 +8,7 @@ import numpy as np
 from sum_drake import page
 from sum_drake.drawing import label_color
 from sum_drake.making_way import MOVE
+from sum_drake.types import LEAVE
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -29,6 +30,12 @@ def outcome_chip(outcome: str, summary: Mapping[str, Any] | None = None) -> str:
         kind = "poor"
         outcome += f", {summary['objects_sorted']} of {summary['objects_total']} sorted"
     return page.chip(outcome, kind)
+
+
+def place_chip(row: Mapping[str, Any]) -> str:
+    """Where an object ended, a row of `objects` in summary.json, HTML; good if it belongs there."""
+    kind = "good" if row["place"] == row["goal"] else "plain" if row["goal"] == LEAVE else "bad"
+    return page.chip(row["place"], kind)
 
 
 def tried_chip(outcome: str | None) -> str:

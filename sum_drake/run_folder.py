@@ -78,12 +78,7 @@ class RunFolder:
 
     def resolved(self) -> Mapping[str, Any]:
         """The scenario's fields; none where it is missing or broken."""
-        try:
-            data = parse_yaml(self.scenario or "", "scenario.yaml")
-        except InputError:
-            return {}
-        resolved = data.get("resolved") if isinstance(data, dict) else None
-        return resolved if isinstance(resolved, dict) else {}
+        return _resolved(self.scenario or "")
 
     def regions(self) -> dict[str, Region]:
         """The scenario's, by name; what cannot be read is left out."""
@@ -119,14 +114,26 @@ def read_run_folder(folder: Path) -> RunFolder:
         raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
     if (folder / "scenario.yaml").is_file():
         scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
-    if not (scenario or "").strip():
+    if scenario is None:
         problems.append("There is no scenario.yaml: table and bins are not known.")
+    elif not _resolved(scenario):
+        problems.append("scenario.yaml holds no scenario that can be read: table and bins are not known.")
     logged = None if record is None else record.metadata.get("seed")
     if summary is not None and logged is not None and logged != str(summary["seed"]):
         told = f"summary.json is of seed {summary['seed']}, run.mcap of seed {logged}"
         problems.append(f"{told}: expected files of one run. What is said of looks is the log's.")
     here = f"{folder}/"  # A report is passed on: it need not tell where the folder lay.
     return RunFolder(folder.resolve().name, summary, record, scenario, tuple(p.replace(here, "") for p in problems))
+
+
+def _resolved(scenario: str) -> Mapping[str, Any]:
+    """The fields of a resolved scenario's text; none where it is broken."""
+    try:
+        data = parse_yaml(scenario, "scenario.yaml")
+    except InputError:
+        return {}
+    resolved = data.get("resolved") if isinstance(data, dict) else None
+    return resolved if isinstance(resolved, dict) else {}
 
 
 def catalogue_of_run(run: RunFolder) -> tuple["Catalogue", str | None]:

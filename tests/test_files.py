@@ -30,6 +30,18 @@ def test_what_cannot_be_written_leaves_the_old_file(tmp_path: Path, monkeypatch:
     assert path.read_text() == "old"
 
 
+def test_a_write_that_fails_leaves_nothing_in_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(self: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "page.html").write_text("old")
+    with monkeypatch.context() as patched, pytest.raises(OSError, match="No space"):
+        patched.setattr(Path, "replace", full)
+        write_whole(tmp_path / "page.html", "new")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+    assert (tmp_path / "page.html").read_text() == "old"
+
+
 def test_one_process_at_a_time_is_alone_with_a_folder_and_one_that_dies_gives_it_up(tmp_path: Path) -> None:
     hold = (
         "import sys, pathlib; from sum_drake.files import alone\n"

@@ -55,7 +55,7 @@ def test_a_run_that_was_cut_off_goes_beside_one_that_was_not(tmp_path: Path) -> 
         (tmp_path / "b" / file).unlink()
     page = compared(tmp_path)
     assert "B: There is no summary.json" in page.words and "B: There is no scenario.yaml" in page.words
-    assert "not there" in page.words
+    assert "unknown" in page.words and "not there" not in page.words, "of B nobody knows where things ended"
     (tmp_path / "b" / "run.mcap").unlink()
     with pytest.raises(InputError, match="nothing to report"):
         compared(tmp_path)
@@ -68,4 +68,24 @@ def test_runs_without_logs_compare_their_figures(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "b" / "summary.json").read_text())
     write_json(tmp_path / "b" / "summary.json", data | {"digest": "0" * 64})
     page = compared(tmp_path)
-    assert page.pictures == [] and "Without logs nothing can be said" in page.words
+    assert page.pictures == [] and "Without looks in the log of A and B nothing can be said" in page.words
+
+
+def test_a_run_without_its_log_differs_in_nothing_that_is_not_known(tmp_path: Path) -> None:
+    for name in "ab":
+        write_run(tmp_path / name, CATALOGUE)
+    (tmp_path / "b" / "run.mcap").unlink()
+    data = json.loads((tmp_path / "b" / "summary.json").read_text())
+    write_json(tmp_path / "b" / "summary.json", data | {"digest": "0" * 64})
+    page = compared(tmp_path)
+    assert "Without looks in the log of B nothing can be said about where they part." in page.words
+    assert "Only one of them has looks: probabilities cannot be compared." in page.words
+    assert "Up to look -1" not in page.words and "agree" not in page.words
+
+
+def test_an_attempt_of_which_one_run_does_not_know_the_end_does_not_differ(tmp_path: Path) -> None:
+    for name in "ab":
+        write_run(tmp_path / name, CATALOGUE)
+    (tmp_path / "b" / "summary.json").unlink()
+    page = compared(tmp_path)
+    assert "soup_can" in page.words and "differs" not in page.words

@@ -52,7 +52,9 @@ def test_files_of_two_runs_and_a_missing_scenario_are_told(tmp_path: Path) -> No
     (folder / "scenario.yaml").write_text(" \n")
     problems = "\n".join(read_run_folder(folder).problems)
     assert "summary.json is of seed 12345, run.mcap of seed" in problems and "expected files of one run" in problems
-    assert "There is no scenario.yaml: table and bins are not known." in problems
+    assert "scenario.yaml holds no scenario that can be read: table and bins are not known." in problems
+    (folder / "scenario.yaml").unlink()
+    assert "There is no scenario.yaml: table and bins are not known." in read_run_folder(folder).problems
 
 
 def test_without_a_summary_the_logs_last_event_tells_how_it_ended(tmp_path: Path) -> None:

@@ -42,6 +42,8 @@ def _report(options: argparse.Namespace) -> None:
     if len(options.runs) == 2 and len(batches) == 1:
         (run,) = set(options.runs) - set(batches)
         raise InputError(f"{run}: not a batch, as {batches[0]} is; expected two runs, or two batches")
+    if options.no_video and (batches or len(options.runs) == 2):
+        raise InputError("--no-video: there is a film of one run alone; expected one run, or to leave it out")
     if options.out is not None:
         out = options.out
     elif len(options.runs) == 2:
@@ -55,7 +57,8 @@ def _report(options: argparse.Namespace) -> None:
         if batches:
             print(write_batch_report(batches, out))
         elif len(options.runs) == 2:
-            print(write_comparison(options.runs[0], options.runs[1], out))
+            progress = functools.partial(Counting(quiet=options.quiet), "drawing what was seen")
+            print(write_comparison(options.runs[0], options.runs[1], out, progress=progress))
         else:
             progress = functools.partial(Counting(quiet=options.quiet), "rendering the film")
             print(write_report(options.runs[0], out=out, film=not options.no_video, progress=progress))
