@@ -1,6 +1,6 @@
 """Draws the README's moving picture from a run folder: the film of `sum-drake report`, as an animated WebP.
 
-    python docs/draw_run.py runs/5 docs/run.webp
+python docs/draw_run.py runs/5 docs/run.webp
 """
 
 import argparse

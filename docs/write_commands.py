@@ -18,8 +18,8 @@ Made from the command line's own parsers by `python docs/write_commands.py`; a t
 command says the same with `--help`.
 
 Exit codes of all: 0, done; 1, the run itself failed, with the reason on the error output; 2, bad input, in one line
-that says what, where, and what was expected; 130, interrupted. Results go to the standard output, progress to the error
-output. A folder of finished results is replaced with `--force` only.
+that says what, where, and what was expected; 130, interrupted by Ctrl-C; 143, ended by SIGTERM. Results go to the
+standard output, progress to the error output. A folder of finished results is replaced with `--force` only.
 """
 
 
@@ -70,7 +70,8 @@ def page() -> str:
     for one, is_command in commands(parser):
         depth = len(one.prog.split()) - len(parser.prog.split())
         text = " ".join((one.description or "").split())
-        text = text[:1].upper() + text[1:].removesuffix(".") + "."
+        text = text[:1].upper() + text[1:].removesuffix(".")
+        text += "" if text.endswith("?") else "."
         parts.append(f"{'#' * (depth + 1)} {one.prog}\n\n{text}\n")
         if is_command:
             parts.append(f"```sh\n{call(one)}\n```\n")
