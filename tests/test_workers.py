@@ -48,8 +48,9 @@ def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
     script = tmp_path / "start.py"
     pool = START.index("    pool =")
     script.write_text(
-        START[:pool].replace("belong_to_parent", "belong_to_parent, give_up, one_thread_each")
-        + "    pool = ProcessPoolExecutor(2, multiprocessing.get_context('spawn'), belong_to_parent)\n"
+        START[:pool].replace("belong_to_parent", "belong_to_parent, give_up, one_thread_each") + "    import signal\n"
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts tests with & ignores it\n"
+        "    pool = ProcessPoolExecutor(2, multiprocessing.get_context('spawn'), belong_to_parent)\n"
         "    try:\n"
         "        with one_thread_each():\n"
         "            found = pool.map(time.sleep, [60.0, 60.0])\n"
