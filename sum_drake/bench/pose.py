@@ -24,7 +24,7 @@ from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScen
 from sum_drake.bench.results import write_results
 from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
 from sum_drake.bench.watching import Tables
-from sum_drake.detection.inference import load_detector
+from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
 from sum_drake.filter_config import filter_config
@@ -77,9 +77,9 @@ def bench_pose(
             (out / name).unlink(missing_ok=True)
     log = RowLog(out, settings, list[PoseRow])
     tasks: list[Task] = [("box", scene, 0, method) for scene in seeds for method in methods]
-    detects, why_not = _knows(catalogue)
-    clutter, trials = _paper_size(seed, count, quick=quick) if detects else (range(0), 0)
     compared = [method for method in methods if method in PAPER_METHODS]
+    detector, why_not = _detector(catalogue) if compared else (None, "")
+    clutter, trials = (range(0), 0) if detector is None else _paper_size(seed, count, quick=quick)
     tasks += [("trial", scene, trial, method) for scene in clutter for trial in range(trials) for method in compared]
     with tempfile.TemporaryDirectory(prefix="sum-drake-") as scratch:
         told = other_meshes(catalogue, Path(scratch), FIRST_SCENE + seed)  # not those of tuning
@@ -96,8 +96,8 @@ def bench_pose(
         rows.sort(key=lambda row: (row.detected, known.index(row.method), row.scene, row.label, row.seed))
         found = figures(rows)
         looks: list[pose_trials.Corrected] = []
-        if clutter:
-            tables = Tables(catalogue, told, load_detector(None, labels=catalogue.labels), filter_config())
+        if detector is not None:
+            tables = Tables(catalogue, told, detector, filter_config())
             for look in pose_trials.looks(tables, clutter):
                 looks.append(look)
                 progress("looking at the paper's scenes", len(looks), len(clutter))
@@ -115,13 +115,12 @@ def bench_pose(
     return found
 
 
-def _knows(catalogue: Catalogue) -> tuple[bool, str]:
-    """Whether the package's detector knows the labels, and why not."""
+def _detector(catalogue: Catalogue) -> tuple[Detector | None, str]:
+    """The package's detector, or None and why it cannot look at these objects."""
     try:
-        load_detector(None, labels=catalogue.labels)
+        return load_detector(None, labels=catalogue.labels), ""
     except InputError as error:
-        return False, str(error)
-    return True, ""
+        return None, str(error)
 
 
 def _paper_size(seed: int, scenes: int, *, quick: bool) -> tuple[range, int]:
