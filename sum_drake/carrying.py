@@ -22,100 +22,79 @@ MORE_ROOM = 0.02
 """Kept from all that is believed, besides the usual paddings, metres: where the object hangs is not known."""
 
 
-def plan_carrying_on(
-    *,
-    arm: Arm,
-    scene: PlanningScene,
-    plan: PickPlan,
-    X_WO: Array,
-    model: ObjectModel,
-    q_now: Array,
-    motion_id: int,
-    seed: int,
-    config: PickConfig,
-    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
-    points_W: Array | None = None,
-) -> Motion:
-    """Up, around everything to where `plan` lets go, and on as planned.
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Carrying:
+    """An arm that was stopped with an object in its hand, at rest, and what is believed to be around it.
 
-    X_WO: (4, 4), where the object was taken from; q_now: (8,), at rest. Raises RuntimeError where there is no such way.
+    plan: of the pick; X_WO: (4, 4), where the object was taken from; q_now: (8,); points_W: (n, 3), seen and not of it.
     """
-    held = _holding(scene, plan, X_WO, model, config, obstacles, points_W)
-    q_release = plan.place.segments[0].trajectory.positions[-1]
-    way = _over(arm, held, q_now, q_release, seed, config)
-    return Motion(motion_id, (*way, *plan.place.segments[1:]), plan.place.load)
 
+    arm: Arm
+    scene: PlanningScene
+    plan: PickPlan
+    X_WO: Array
+    model: ObjectModel
+    q_now: Array
+    seed: int
+    config: PickConfig
+    obstacles: Sequence[tuple[ObjectModel, Array]] = ()
+    points_W: Array | None = None
 
-def plan_putting_back(
-    *,
-    arm: Arm,
-    scene: PlanningScene,
-    plan: PickPlan,
-    X_WO: Array,
-    model: ObjectModel,
-    q_now: Array,
-    motion_id: int,
-    seed: int,
-    config: PickConfig,
-    obstacles: Sequence[tuple[ObjectModel, Array]] = (),
-    points_W: Array | None = None,
-) -> Motion:
-    """Up, around everything to above where the object was taken from, and down to there, where it is let go.
+    def plan_on(self, motion_id: int) -> Motion:
+        """Up, around everything to where `plan` lets go, and on as planned.
 
-    Then the hand goes back as it came, which was free. An object that cannot be brought away is not dropped on the
-    floor: from where it was it may be taken by another grasp. Arguments and errors as of `plan_carrying_on`.
-    """
-    held = _holding(scene, plan, X_WO, model, config, obstacles, points_W)
-    came = {segment.name: segment for segment in plan.pick.segments}
-    way = _over(arm, held, q_now, came["lift"].trajectory.positions[-1], seed, config)
-    segments = (
-        *way,
-        _back(came["lift"], "lower", 0.0),
-        opening(came["close"].trajectory.positions[-1], came["reach"].gap, config),
-        _back(came["reach"], "retreat", came["reach"].gap),
-        _back(came["approach"], "return", came["approach"].gap),
-    )
-    return Motion(motion_id, segments, plan.place.load)
+        Raises RuntimeError where there is no such way.
+        """
+        release = self.plan.place
+        way = self._over(release.segments[0].trajectory.positions[-1])
+        return Motion(motion_id, (*way, *release.segments[1:]), release.load)
 
+    def plan_back(self, motion_id: int) -> Motion:
+        """Up, around everything to above where the object was taken from, and down to there, where it is let go.
 
-def _holding(
-    scene: PlanningScene,
-    plan: PickPlan,
-    X_WO: Array,
-    model: ObjectModel,
-    config: PickConfig,
-    obstacles: Sequence[tuple[ObjectModel, Array]],
-    points_W: Array | None,
-) -> PlanningScene:
-    """What the arm has to keep from, and by how much, with the object in its hand."""
-    others = [solid_of(other, X) for other, X in obstacles]
-    points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
-    around = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
-    held = around.padded(
-        furniture=config.furniture_padding, solids=config.solid_padding + MORE_ROOM, self_distance=config.self_padding
-    )
-    return held.holding(solid_of(model, X_WO).hulls, inverse(plan.X_WG) @ X_WO).with_gap(plan.grasp.width)
+        Then the hand goes back as it came, which was free. An object that cannot be brought away is not dropped on the
+        floor: from where it was it may be taken by another grasp. Raises RuntimeError where there is no such way.
+        """
+        came = {segment.name: segment for segment in self.plan.pick.segments}
+        segments = (
+            *self._over(came["lift"].trajectory.positions[-1]),
+            _back(came["lift"], "lower", 0.0),
+            opening(came["close"].trajectory.positions[-1], came["reach"].gap, self.config),
+            _back(came["reach"], "retreat", came["reach"].gap),
+            _back(came["approach"], "return", came["approach"].gap),
+        )
+        return Motion(motion_id, segments, self.plan.place.load)
 
+    def _over(self, q_there: Array) -> tuple[Segment, Segment]:
+        """Straight up, as far as there is a way from there on, then around everything to q_there: RuntimeError."""
+        arm, config, held = self.arm, self.config, self._held()
+        X_WG = arm.forward(self.q_now)
+        reason = "no straight way up"
+        for height in HEIGHTS:
+            X_WG_risen = shifted(X_WG, np.array([0.0, 0.0, height]))
+            for rise in cartesian_path(arm, X_WG, X_WG_risen, self.q_now, count=2):
+                if not comes_clear(held, rise):
+                    continue
+                way = plan_path(held, rise[-1], q_there[None], seed=self.seed, budget=config.budget)
+                if isinstance(way, NoPath):
+                    reason = f"{way.reason} {way.pairs}"
+                    continue
+                return (
+                    Segment("lift", timing.time_curve(rise, speed=config.straight_speed), 0.0),
+                    Segment("transport", timed(held, way.qs, config.speed), 0.0),
+                )
+        raise RuntimeError(f"no free way on with what is in the hand: {reason}")
 
-def _over(
-    arm: Arm, held: PlanningScene, q_now: Array, q_there: Array, seed: int, config: PickConfig
-) -> tuple[Segment, Segment]:
-    """Straight up, as far as there is a way from there on, then around everything to q_there. Raises RuntimeError."""
-    X_WG = arm.forward(q_now)
-    reason = "no straight way up"
-    for height in HEIGHTS:
-        for rise in cartesian_path(arm, X_WG, shifted(X_WG, np.array([0.0, 0.0, height])), q_now, count=2):
-            if not comes_clear(held, rise):
-                continue
-            way = plan_path(held, rise[-1], q_there[None], seed=seed, budget=config.budget)
-            if isinstance(way, NoPath):
-                reason = f"{way.reason} {way.pairs}"
-                continue
-            return (
-                Segment("lift", timing.time_curve(rise, speed=config.straight_speed), 0.0),
-                Segment("transport", timed(held, way.qs, config.speed), 0.0),
-            )
-    raise RuntimeError(f"no free way on with what is in the hand: {reason}")
+    def _held(self) -> PlanningScene:
+        """What the arm has to keep from, and by how much, with the object in its hand."""
+        config = self.config
+        others = [solid_of(other, X) for other, X in self.obstacles]
+        points = unexplained(np.empty((0, 3)) if self.points_W is None else self.points_W, others, config.explained)
+        around = self.scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
+        solids = config.solid_padding + MORE_ROOM
+        held = around.padded(furniture=config.furniture_padding, solids=solids, self_distance=config.self_padding)
+        X_GO = inverse(self.plan.X_WG) @ self.X_WO
+        return held.holding(solid_of(self.model, self.X_WO).hulls, X_GO).with_gap(self.plan.grasp.width)
 
 
 def _back(segment: Segment, name: str, gap: float) -> Segment:

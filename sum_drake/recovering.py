@@ -2,11 +2,10 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable
 
 import numpy as np
 
-from sum_drake.carrying import plan_carrying_on, plan_putting_back
+from sum_drake.carrying import Carrying
 from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
@@ -43,7 +42,7 @@ class Recovering:
         """
         if pick is not None:
             try:
-                return self._with_what_is_held(plan_putting_back, perception, pick, q, motion)
+                return self._carrying(perception, pick, q, motion).plan_back(motion)
             except RuntimeError:
                 pass
         points_W = standing_points(perception.frame, self.table, self.clear_height)
@@ -67,24 +66,20 @@ class Recovering:
 
         Raises RuntimeError where there is no free way.
         """
-        return self._with_what_is_held(plan_carrying_on, perception, pick, q, motion)
+        return self._carrying(perception, pick, q, motion).plan_on(motion)
 
-    def _with_what_is_held(
-        self, plan: Callable[..., Motion], perception: Perception, pick: Pick, q: Array, motion: int
-    ) -> Motion:
-        """plan: of `carrying`."""
+    def _carrying(self, perception: Perception, pick: Pick, q: Array, motion: int) -> Carrying:
         model = self.catalogue[pick.track.label]
         points_W = standing_points(perception.frame, self.table, self.clear_height)
         points_W = not_of(points_W, model, pick.track.X_WO)
         others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
-        return plan(
+        return Carrying(
             arm=self.arm,
             scene=self.scene,
             plan=pick.plan,
             X_WO=pick.track.X_WO,
             model=model,
             q_now=q,
-            motion_id=motion,
             seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
             config=self.config,
             obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],

@@ -7,7 +7,7 @@ import pytest
 from test_picking import ARM, CATALOGUE, plan, standing
 
 from sum_drake import timing
-from sum_drake.carrying import plan_carrying_on, plan_putting_back
+from sum_drake.carrying import Carrying
 from sum_drake.geometry import inverse
 from sum_drake.pick_config import PickConfig
 from sum_drake.picking import PickPlan
@@ -28,16 +28,16 @@ def made(scene):
     return answer
 
 
-def carry_on(scene, made, q_now, **more):
-    return plan_carrying_on(
-        arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
-        config=PickConfig(), **more,
+def carrying(scene, made, q_now, **more):
+    return Carrying(
+        arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, seed=1, config=PickConfig(),
+        **more,
     )  # fmt: skip
 
 
 def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
-    motion = carry_on(scene, made, q_now)
+    motion = carrying(scene, made, q_now).plan_on(9)
     assert (motion.id, motion.load) == (9, made.place.load)
     assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
     assert motion.segments[2:] == made.place.segments[1:]
@@ -55,10 +55,7 @@ def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
 
 def test_what_cannot_be_brought_away_is_put_down_where_it_was_and_the_hand_goes_back_as_it_came(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 1.0)[0]
-    motion = plan_putting_back(
-        arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
-        config=PickConfig(),
-    )  # fmt: skip
+    motion = carrying(scene, made, q_now).plan_back(9)
     assert [segment.name for segment in motion.segments] == ["lift", "transport", "lower", "open", "retreat", "return"]
     assert motion.load == made.place.load
     came = {segment.name: segment for segment in made.pick.segments}
@@ -73,13 +70,10 @@ def test_what_cannot_be_brought_away_is_put_down_where_it_was_and_the_hand_goes_
     for segment in motion.segments:
         assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
     with pytest.raises(RuntimeError, match="no free way on"):
-        plan_putting_back(
-            arm=ARM, scene=scene, plan=made, X_WO=X_WO, model=CATALOGUE[LABEL], q_now=q_now, motion_id=9, seed=1,
-            config=PickConfig(), obstacles=[(CATALOGUE["tide"], X_WO)],
-        )  # fmt: skip
+        carrying(scene, made, q_now, obstacles=[(CATALOGUE["tide"], X_WO)]).plan_back(9)
 
 
 def test_where_there_is_no_way_it_is_said_why(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
     with pytest.raises(RuntimeError, match=r"no free way on .*goal_in_collision .*tide"):
-        carry_on(scene, made, q_now, obstacles=[(CATALOGUE["tide"], made.X_WO_place)])
+        carrying(scene, made, q_now, obstacles=[(CATALOGUE["tide"], made.X_WO_place)]).plan_on(9)

@@ -5,14 +5,14 @@ import functools
 import itertools
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from sum_drake import robot
 from sum_drake.attempting import region_of
 from sum_drake.bench.plan_picks import CLUTTER, Picked
-from sum_drake.carrying import plan_carrying_on, plan_putting_back
+from sum_drake.carrying import Carrying
 from sum_drake.evaluation import where_is
 from sum_drake.geometry import apply, inverse
 from sum_drake.grasp_ranking import rank_grasps
@@ -127,7 +127,7 @@ class _Deciding:
     def retreat(self, X_WOs: Poses, q: Array, motion: int, pick: Pick | None) -> Motion:
         if pick is not None:
             try:
-                return self._with_what_is_held(plan_putting_back, X_WOs, pick, q, motion)
+                return self._carrying(X_WOs, pick, q).plan_back(motion)
             except RuntimeError:
                 pass
         plan = functools.partial(
@@ -140,20 +140,17 @@ class _Deciding:
             return plan()
 
     def carry_on(self, X_WOs: Poses, pick: Pick, q: Array, motion: int) -> Motion:
-        return self._with_what_is_held(plan_carrying_on, X_WOs, pick, q, motion)
+        return self._carrying(X_WOs, pick, q).plan_on(motion)
 
-    def _with_what_is_held(
-        self, plan: Callable[..., Motion], X_WOs: Poses, pick: Pick, q: Array, motion: int
-    ) -> Motion:
+    def _carrying(self, X_WOs: Poses, pick: Pick, q: Array) -> Carrying:
         label, known = pick.track.label, self.robot
-        return plan(
+        return Carrying(
             arm=known.arm,
             scene=known.scene,
             plan=pick.plan,
             X_WO=X_WOs[label],
             model=known.catalogue[label],
             q_now=q,
-            motion_id=motion,
             seed=self.seed,
             config=known.scenario.pick,
             obstacles=[(known.catalogue[other], X) for other, X in X_WOs.items() if other != label],
