@@ -125,13 +125,14 @@ def update(
             pair = matched[track.id]
             box = detections.boxes[pair.detection].box
             looked_for.append((track, pair))
-            requests.append(PoseRequest(pair.label, box, rng, beliefs[track.id], track.likelihood))
+            requests.append(PoseRequest(pair.label, box, rng, beliefs[track.id], track.likelihood, config.table))
     next_id = held.next_id
     for pair in associations.pairs:
         if pair.track is None:
             rng = np.random.default_rng([config.seed, next_id, frame.observation])
             looked_for.append((next_id, pair))
-            requests.append(PoseRequest(pair.label, detections.boxes[pair.detection].box, rng))
+            box = detections.boxes[pair.detection].box
+            requests.append(PoseRequest(pair.label, box, rng, table=config.table))
             next_id += 1
     estimates = estimator.estimate_all(frame, requests)
     tracks = [

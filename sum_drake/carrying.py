@@ -14,7 +14,8 @@ from sum_drake.pick_config import PickConfig
 from sum_drake.pick_phases import comes_clear, opening, timed, unexplained
 from sum_drake.picking import PickPlan
 from sum_drake.planning_scene import PlanningScene, solid_of, solids_of_points
-from sum_drake.types import Array, Motion, Segment
+from sum_drake.retreat import plan_retreat
+from sum_drake.types import Array, Motion, Region, Segment
 
 HEIGHTS = (0.25, 0.2, 0.15, 0.1, 0.05)
 """How far the hand rises first, metres: as far as it can. What it met it did not know of, so that it stays above it."""
@@ -26,7 +27,8 @@ MORE_ROOM = 0.02
 class Carrying:
     """An arm that was stopped with an object in its hand, at rest, and what is believed to be around it.
 
-    plan: of the pick; X_WO: (4, 4), where the object was taken from; q_now: (8,); points_W: (n, 3), seen and not of it.
+    plan: of the pick; X_WO: (4, 4), where the object was taken from; q_now: (8,); points_W: (n, 3), seen and not of it;
+    bin: where it is to end, if that is a bin.
     """
 
     arm: Arm
@@ -39,12 +41,24 @@ class Carrying:
     config: PickConfig
     obstacles: Sequence[tuple[ObjectModel, Array]] = ()
     points_W: Array | None = None
+    bin: Region | None = None
 
     def plan_on(self, motion_id: int) -> Motion:
-        """Up, around everything to where `plan` lets go, and on as planned.
+        """Up, around everything to where `plan` lets go, and on as planned; what is in its bin is let go where it is.
 
-        Raises RuntimeError where there is no such way.
+        Whatever was met there lies in the bin, too, and will be met again. Raises RuntimeError where there is no way.
         """
+        if self.is_in_bin:
+            return plan_retreat(
+                arm=self.arm,
+                scene=self.scene,
+                q_now=self.q_now,
+                motion_id=motion_id,
+                seed=self.seed,
+                config=self.config,
+                obstacles=self.obstacles,
+                points_W=self.points_W,
+            )
         release = self.plan.place
         way = self._over(release.segments[0].trajectory.positions[-1])
         return Motion(motion_id, (*way, *release.segments[1:]), release.load)
@@ -64,6 +78,21 @@ class Carrying:
             _back(came["approach"], "return", came["approach"].gap),
         )
         return Motion(motion_id, segments, self.plan.place.load)
+
+    @property
+    def is_in_bin(self) -> bool:
+        """Whether the object, as it was gripped, is in its bin by now."""
+        return self.bin is not None and self.bin.holds(self._p_WO)
+
+    @property
+    def is_over_bin(self) -> bool:
+        """Whether it is over its bin, or in it."""
+        off = None if self.bin is None else np.abs(self._p_WO - self.bin.p_W)[:2] - self.bin.half_extents[:2]
+        return off is not None and bool((off <= 0).all())
+
+    @property
+    def _p_WO(self) -> Array:
+        return np.asarray((self.arm.forward(self.q_now) @ inverse(self.plan.X_WG) @ self.X_WO)[:3, 3])
 
     def _over(self, q_there: Array) -> tuple[Segment, Segment]:
         """Straight up, as far as there is a way from there on, then around everything to q_there: RuntimeError."""

@@ -40,8 +40,8 @@ from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
 from sum_drake.search import Sought, Watch, rivals, score, search, start
 from sum_drake.sensor import DepthNoiseConfig
-from sum_drake.support import support_plane
-from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, readonly
+from sum_drake.support import support_plane, table_plane
+from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, Region, readonly
 
 if TYPE_CHECKING:
     from sum_drake.objects import Catalogue
@@ -81,6 +81,8 @@ class PoseRequest:
     """What is believed of the object, moved by the action model; None: nothing."""
     likelihood: float = 0.0
     """Of the estimate before, in [0, 1], if there is a prior."""
+    table: Region | None = None
+    """What it may stand on; None: nothing is known of it."""
 
 
 class PoseEstimator:
@@ -126,7 +128,9 @@ class PoseEstimator:
     def estimate_all(self, frame: Frame, requests: Sequence[PoseRequest]) -> list[PoseEstimate]:
         """`estimate` for each request, in their order."""
         return [
-            self.estimate(frame, one.box, one.label, rng=one.rng, prior=one.prior, before=one.likelihood)
+            self.estimate(
+                frame, one.box, one.label, rng=one.rng, prior=one.prior, before=one.likelihood, table=one.table
+            )
             for one in requests
         ]
 
@@ -139,6 +143,7 @@ class PoseEstimator:
         rng: np.random.Generator,
         prior: PoseBelief | None = None,
         before: float = 0.0,
+        table: Region | None = None,
         watch: Callable[[PoseBelief], None] | None = None,
     ) -> PoseEstimate:
         """The pose belief of an object `label` in `box`, world frame.
@@ -147,8 +152,9 @@ class PoseEstimator:
         refined in a few iterations, among them a share of fresh particles, so that a prior which the box contradicts
         is given up. Where that explains the box less well than the object was explained before (likelihood `before`),
         it is searched from scratch as well, and the likelier counts. A box without a valid observation gives
-        likelihood 0 and the prior, or a wide belief. `watch` is told the particles of each iteration of a search, in
-        the world frame, with the weights that the next is drawn by.
+        likelihood 0 and the prior, or a wide belief. Nothing reaches into a `table` that is known, and none of it is to
+        be explained, even where clutter hides it; else a plane is looked for around the box. `watch` is told the
+        particles of each iteration of a search, in the world frame, with the weights that the next is drawn by.
 
         Raises InputError for a label that the catalogue lacks, RuntimeError in another thread than the constructor's.
         """
@@ -162,7 +168,10 @@ class PoseEstimator:
         tolerance = depth_tolerance(self._noise, frame.camera, z) if config.sensor else PERFECT
         if "edges" in config.without:
             tolerance = dataclasses.replace(tolerance, jump=np.inf, bleed=0)
-        plane = support_plane(frame, box, rng, tolerance=tolerance.plane) if config.support else None
+        plane = None
+        if config.support:
+            known = None if table is None else table_plane(frame, box, table)
+            plane = support_plane(frame, box, rng, tolerance=tolerance.plane, known=known)
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
         if observation.n < max(tolerance.least_points, 1):
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)

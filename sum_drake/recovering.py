@@ -1,7 +1,9 @@
 """Ways for an arm whose attempt did not go as planned: back, on with what is held, over its place to shake it off."""
 
+import contextlib
 import dataclasses
 import functools
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from sum_drake.carrying import Carrying
 from sum_drake.kinematics import Arm
 from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
+from sum_drake.placing import is_area
 from sum_drake.planning_scene import PlanningScene
 from sum_drake.retreat import plan_retreat
 from sum_drake.shaking import plan_shaking
@@ -24,7 +27,7 @@ class Recovering:
     catalogue: Catalogue
     arm: Arm
     scene: PlanningScene
-    table: Region
+    regions: Mapping[str, Region]
     clear_height: float
     """What stands less than this above the table is not seen as an object, metres."""
     max_points: int
@@ -35,17 +38,18 @@ class Recovering:
     def retreat(self, perception: Perception, q: Array, motion: int, pick: Pick | None = None) -> Motion:
         """From where the arm is, (8,), back to the viewing pose with an open hand, under the given motion id.
 
-        With the object of `pick` in its hand, past where that was taken, where it is put down, if there is a way; else
-        it is let go where the arm is. Goes around what was last seen. What was pushed about since then may be anywhere,
-        the hand itself may stand where something was: where that leaves no way, only table, bins and robot count.
+        With the object of `pick` in its hand, past where that was taken, where it is put down, if there is a way; else,
+        and over the bin that it is to end in, it is let go where the arm is. Goes around what was last seen. What was
+        pushed about since then may be anywhere, the hand itself may stand where something was: where that leaves no
+        way, only table, bins and robot count.
         Raises RuntimeError where even then there is none.
         """
         if pick is not None:
-            try:
-                return self._carrying(perception, pick, q, motion).plan_back(motion)
-            except RuntimeError:
-                pass
-        points_W = standing_points(perception.frame, self.table, self.clear_height)
+            carrying = self._carrying(perception, pick, q, motion)
+            with contextlib.suppress(RuntimeError):
+                if not carrying.is_over_bin:
+                    return carrying.plan_back(motion)
+        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
         seen = [(self.catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
         plan = functools.partial(
             plan_retreat,
@@ -69,8 +73,9 @@ class Recovering:
         return self._carrying(perception, pick, q, motion).plan_on(motion)
 
     def _carrying(self, perception: Perception, pick: Pick, q: Array, motion: int) -> Carrying:
+        region = self.regions[pick.region]
         model = self.catalogue[pick.track.label]
-        points_W = standing_points(perception.frame, self.table, self.clear_height)
+        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
         points_W = not_of(points_W, model, pick.track.X_WO)
         others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
         return Carrying(
@@ -84,6 +89,7 @@ class Recovering:
             config=self.config,
             obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],
             points_W=thin(points_W, self.max_points),
+            bin=None if is_area(region, self.regions["table"]) else region,
         )
 
     def shake(self, perception: Perception, pick: Pick, q: Array, motion: int, times: int) -> Motion:
@@ -91,7 +97,7 @@ class Recovering:
 
         times: how often that was tried before. Raises RuntimeError where there is no free way.
         """
-        points_W = standing_points(perception.frame, self.table, self.clear_height)
+        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
         points_W = not_of(points_W, self.catalogue[pick.track.label], pick.track.X_WO)
         others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
         return plan_shaking(

@@ -1,7 +1,7 @@
 """The plane that things stand on, where depth shows one: what lies in it is none of them, and they end above it.
 
 A bottle that lies in the table top explains the bare table well. Told what the table is, the likelihood does not ask
-for it to be explained.
+for it to be explained. Among clutter little of a table shows: one that is known is taken for it there.
 """
 
 import dataclasses
@@ -17,6 +17,8 @@ LEAST_SHARE = 0.3
 LEAST_POINTS = 100
 TRIES, POINTS = 200, 1500
 """Planes tried, on so many points at most."""
+AS_LEVEL, AS_HIGH = np.radians(5.0), 0.02
+"""How far a table may be from where it is known to be: turned, radians, and at the box, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -33,30 +35,51 @@ class Plane(Immutable):
         return np.asarray(p_CQs @ self.normal_C + self.offset)
 
 
+def table_plane(frame: Frame, box: Box, table: Region) -> Plane | None:
+    """A known table's top, if what was observed in the box is over it; else None: it may stand on anything."""
+    points_C = _around(frame, box, 0.0)
+    if len(points_C) == 0:
+        return None
+    (p_W,) = apply(frame.X_WC, np.median(points_C, axis=0, keepdims=True))
+    if (np.abs(p_W[:2] - table.p_W[:2]) > table.half_extents[:2]).any():
+        return None
+    return Plane(readonly(frame.X_WC[2, :3]), float(frame.X_WC[2, 3] - table.floor_height))
+
+
 def support_plane(
-    frame: Frame, box: Box, rng: np.random.Generator, *, tolerance: float, margin: float = 1.0
+    frame: Frame,
+    box: Box,
+    rng: np.random.Generator,
+    *,
+    tolerance: float,
+    margin: float = 1.0,
+    known: Plane | None = None,
 ) -> Plane | None:
     """The plane that holds most of what was observed around a box, up to `margin` times its size away; None: none does.
 
     What is in the box has no say, so that a box-shaped object does not take its own side for the table. tolerance: by
-    which observed points may be off it, metres.
+    which observed points may be off it, metres. known: where a table should be; a plane that is far from it is none,
+    and where clutter hides the table it is taken to be there.
     """
-    points = _around(frame, box, margin)
+    points = _around(frame, box, margin, inside=False)
     if len(points) < LEAST_POINTS:
-        return None
+        return known
     points = points[rng.permutation(len(points))[:POINTS]]
     a, b, c = points[rng.integers(len(points), size=(3, TRIES))]
     normals = np.cross(b - a, c - a)
     length = np.linalg.norm(normals, axis=1)
     usable = length > 1e-6
-    if not usable.any():
-        return None
     normals, a = normals[usable] / length[usable, None], a[usable]
+    if known is not None:
+        near = _near(normals, a, known, np.median(points, axis=0))
+        normals, a = normals[near], a[near]
+    if len(normals) == 0:
+        return known
     on_it = np.abs(normals @ points.T - (normals * a).sum(1)[:, None]) < tolerance
     best = int(on_it.sum(1).argmax())
     inliers = points[on_it[best]]
     if len(inliers) < max(LEAST_SHARE * len(points), 3):
-        return None
+        return known
     middle = inliers.mean(0)
     normal = np.linalg.svd(inliers - middle, full_matrices=False)[2][2]
     offset = -float(normal @ middle)
@@ -64,8 +87,16 @@ def support_plane(
     return Plane(readonly(sign * normal), sign * offset)
 
 
-def _around(frame: Frame, box: Box, margin: float) -> Array:
-    """p_CQ (n, 3) of what was observed around a box, thinned out."""
+def _near(normals: Array, points: Array, known: Plane, p_CQ: Array) -> NDArray[np.bool_]:
+    """Which of the planes (n, 3) through points (n, 3) nearly are a known one, as seen below or above p_CQ."""
+    foot = p_CQ - known.height(p_CQ) * known.normal_C
+    level = np.abs(normals @ known.normal_C) > np.cos(AS_LEVEL)
+    high = np.abs((normals * (foot - points)).sum(1)) < AS_HIGH
+    return np.asarray(level & high)
+
+
+def _around(frame: Frame, box: Box, margin: float, inside: bool = True) -> Array:
+    """p_CQ (n, 3) of what was observed around a box, and in it, thinned out."""
     x, y, w, h = box
     camera = frame.camera
     left, top = max(0, int(x - margin * w)), max(0, int(y - margin * h))
@@ -76,7 +107,7 @@ def _around(frame: Frame, box: Box, margin: float) -> Array:
     v, u = np.mgrid[top:bottom:step, left:right:step]
     z: NDArray[np.float64] = frame.depth[v, u].astype(np.float64)
     outside = (u < x) | (u >= x + w) | (v < y) | (v >= y + h)
-    seen = outside & np.isfinite(z) & (z > 0)
+    seen = (outside | inside) & np.isfinite(z) & (z > 0)
     u, v, z = u[seen], v[seen], z[seen]
     return np.stack([(u - camera.cx) / camera.fx * z, (v - camera.cy) / camera.fy * z, z], -1)
 

@@ -114,7 +114,7 @@ def bind_task(scenario: Scenario, catalogue: Catalogue, costs: Costs) -> tuple[D
         catalogue=catalogue,
         arm=arm,
         scene=scene,
-        table=regions["table"],
+        regions=regions,
         clear_height=scenario.task.clear_height,
         max_points=scenario.task.max_obstacle_points,
         config=scenario.pick,

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from test_picking import ARM, CATALOGUE, plan, standing
+from test_picking import ARM, BIN, CATALOGUE, plan, standing
 
 from sum_drake import timing
 from sum_drake.carrying import Carrying
@@ -77,3 +77,18 @@ def test_where_there_is_no_way_it_is_said_why(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
     with pytest.raises(RuntimeError, match=r"no free way on .*goal_in_collision .*tide"):
         carrying(scene, made, q_now, obstacles=[(CATALOGUE["tide"], made.X_WO_place)]).plan_on(9)
+
+
+def test_in_its_bin_it_is_let_go_though_something_was_met_there(scene, made):
+    """What lies in the bin already is not known of, and is met on every way."""
+    way = made.place.segments[0].trajectory
+    q_there, q_above = way.positions[-1], timing.evaluate(way, 0.4)[0]
+    held = carrying(scene, made, q_there, bin=BIN)
+    assert held.is_in_bin
+    motion = held.plan_on(9)
+    assert motion.id == 9
+    assert [segment.name for segment in motion.segments] == ["open", "retreat", "return"]
+    np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q_there)
+    for elsewhere in (carrying(scene, made, q_above, bin=BIN), carrying(scene, made, q_there)):
+        assert not elsewhere.is_in_bin
+        assert elsewhere.plan_on(9).segments[0].name == "lift", "on the table, or not over it yet: it is not dropped"

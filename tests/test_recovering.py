@@ -1,5 +1,7 @@
 """Ways for an arm whose attempt did not go as planned."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from deciding import ARM, CATALOGUE, CONFIG, REGIONS, SCENE, believe, pick_can, see, see_can
@@ -13,7 +15,7 @@ from sum_drake.robot import VIEW
 from sum_drake.shaking import SHAKES
 
 RECOVERING = Recovering(
-    CATALOGUE, ARM, SCENE, REGIONS["table"], CONFIG.clear_height, CONFIG.max_obstacle_points, PickConfig(), 2
+    CATALOGUE, ARM, SCENE, REGIONS, CONFIG.clear_height, CONFIG.max_obstacle_points, PickConfig(), 2
 )
 
 
@@ -85,6 +87,18 @@ def test_the_way_back_with_something_in_the_hand_leads_past_where_it_was_taken(c
     X_WO = standing(CATALOGUE, "tide", 0.6, 0.05)
     blocked = see({"tide": X_WO}, [believe("tide", X_WO, 3)])
     assert RECOVERING.retreat(blocked, q, 7, pick).segments[0].name == "open"
+
+
+def test_what_was_stopped_over_its_bin_is_let_go_there(can_seen, pick):
+    """What lies in the bin is met on every way; brought back to the table it would be no better off."""
+    way = pick.plan.place.segments[0].trajectory
+    q_in_bin, q_over_bin = way.positions[-1], timing.evaluate(way, way.times[-1] - 0.6)[0]
+    assert ARM.forward(q_over_bin)[2, 3] > ARM.forward(q_in_bin)[2, 3] + 0.05
+    for motion in (RECOVERING.carry_on(can_seen, pick, q_in_bin, 7), RECOVERING.retreat(can_seen, q_over_bin, 7, pick)):
+        assert [segment.name for segment in motion.segments] == ["open", "retreat", "return"]
+    aside = dataclasses.replace(pick, region="table")
+    names = [segment.name for segment in RECOVERING.carry_on(can_seen, aside, q_in_bin, 7).segments]
+    assert names[0] == "lift", "on a table it is not dropped from wherever it is"
 
 
 @pytest.mark.parametrize("times", range(SHAKES))

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sum_drake.film import look_at
 from sum_drake.geometry import transform
-from sum_drake.support import sunk, support_plane
+from sum_drake.support import Plane, sunk, support_plane, table_plane
 from sum_drake.types import Camera, Frame, Region, readonly
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
@@ -55,6 +56,46 @@ def test_nothing_around_is_no_table():
     assert find(np.zeros(u.shape)) is None
     assert find(table([0, -0.5, -1], 0.8), (900.0, 900.0, 10.0, 10.0)) is None
     assert find(table([0, -0.5, -1], 0.8), (0.0, 0.0, 0.0, 0.0)) is None
+
+
+def cluttered(height):
+    """A table of which a strip shows, a level shelf and a slanted board all around the box. (depth, the table)."""
+    normal = np.array([0.0, -0.6, -0.8])
+    depth = table(normal, height)
+    depth[:, :78] = table(normal, height - 0.2)[:, :78]
+    depth[:, 90:] = table([-0.5, -0.5, -0.7], height - 0.15)[:, 90:]
+    return depth, Plane(readonly(normal), height)
+
+
+def test_among_clutter_a_table_is_where_it_is_known_to_be():
+    depth, true = cluttered(0.8)
+    found = find(depth)
+    assert (
+        found is None
+        or abs(found.height(RAYS[50, 70] * depth[50, 70]) - true.height(RAYS[50, 70] * depth[50, 70])) > 0.1
+    )
+    told = support_plane(frame_of(depth), BOX, np.random.default_rng(1), tolerance=0.006, known=true)
+    assert told is true, "hidden: it is taken to be where it is known"
+    bare = table(true.normal_C, 0.8)
+    off = Plane(true.normal_C, 0.79)
+    seen = support_plane(frame_of(bare), BOX, np.random.default_rng(1), tolerance=0.006, known=off)
+    assert seen is not None and seen.offset == pytest.approx(0.8, abs=0.003), "seen: it is where it is seen"
+    nothing = support_plane(frame_of(np.zeros(u.shape)), BOX, np.random.default_rng(1), tolerance=0.006, known=true)
+    assert nothing is true
+
+
+def test_a_known_table_is_told_only_of_what_is_over_it():
+    top = Region("table", readonly([0.0, 0.0, 1.0]), readonly([0.3, 0.3, 0.2]))
+    X_WC = look_at(np.array([0.0, -0.5, 1.6]), np.array([0.0, 0.0, 0.8]))
+    n_C, offset = X_WC[2, :3], X_WC[2, 3] - 0.8
+    depth = -offset / np.minimum(RAYS @ n_C, -0.05)
+    frame = Frame(0, np.zeros((120, 160, 3), np.uint8), readonly(depth, np.float32), CAMERA, readonly(X_WC))
+    plane = table_plane(frame, BOX, top)
+    assert plane is not None
+    assert np.abs(plane.height(RAYS[40:80, 60:100] * depth[40:80, 60:100, None])).max() < 1e-6
+    assert plane.height(np.zeros(3)) == pytest.approx(0.8)
+    assert table_plane(frame, (0.0, 0.0, 20.0, 20.0), top) is None, "beyond the table's edge"
+    assert table_plane(frame_of(np.zeros(u.shape)), BOX, top) is None
 
 
 def test_what_hangs_over_the_tables_edge_is_not_sunk_into_it():

@@ -1,5 +1,6 @@
 """How a pick with true poses is done and judged, in processes of their own: see `plan_picks`."""
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -126,10 +127,10 @@ class _Deciding:
 
     def retreat(self, X_WOs: Poses, q: Array, motion: int, pick: Pick | None) -> Motion:
         if pick is not None:
-            try:
-                return self._carrying(X_WOs, pick, q).plan_back(motion)
-            except RuntimeError:
-                pass
+            carrying = self._carrying(X_WOs, pick, q)
+            with contextlib.suppress(RuntimeError):
+                if not carrying.is_over_bin:
+                    return carrying.plan_back(motion)
         plan = functools.partial(
             plan_retreat, arm=self.robot.arm, scene=self.robot.scene, q_now=q, motion_id=motion,
             seed=self.seed, config=self.robot.scenario.pick,
@@ -154,6 +155,7 @@ class _Deciding:
             seed=self.seed,
             config=known.scenario.pick,
             obstacles=[(known.catalogue[other], X) for other, X in X_WOs.items() if other != label],
+            bin=known.scenario.region(pick.region),
         )
 
     def shake(self, X_WOs: Poses, pick: Pick, q: Array, motion: int, times: int) -> Motion:
