@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sum_drake.explaining import UNEXPLAINED
 from sum_drake.geometry import apply, rotation_angle, transform
 from sum_drake.grasp_ranking import RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
+from sum_drake.hidden import hidden_between
 from sum_drake.kinematics import Arm
 from sum_drake.lifting import dragged
 from sum_drake.making_way import been, failed, worn_out
@@ -43,6 +45,8 @@ class Now(Immutable):
     believed: tuple[Track, ...]
     off: Mapping[int, Array]
     """Track id -> (m,): distance of each point from that object."""
+    hidden_W: Array
+    """(k, 3): where what nothing explains may run on unseen."""
 
 
 class Attempting:
@@ -76,7 +80,10 @@ class Attempting:
         points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
         believed = tuple(track for track in perception.posterior.tracks if track.accepted)
         off = {track.id: distances(points_W, self._catalogue[track.label], track.X_WO) for track in believed}
-        return Now(perception, attempts, q, points_W, believed, off)
+        loose_W = points_W[np.all([np.full(len(points_W), True), *(d > EXPLAINED for d in off.values())], axis=0)]
+        bodies = [(self._catalogue[track.label], track.X_WO) for track in believed]
+        hidden_W = hidden_between(perception.frame, loose_W, bodies, EXPLAINED)
+        return Now(perception, attempts, q, points_W, believed, off, hidden_W)
 
     def goal_of(self, label: str) -> str:
         """The region that a label belongs in, or "leave"."""
@@ -92,6 +99,7 @@ class Attempting:
         model = self._catalogue[track.label]
         others = [t for t in now.believed if t.id != track.id]
         kept = thin(np.flatnonzero(now.off[track.id] > EXPLAINED), self._config.max_obstacle_points)
+        around_W = np.concatenate([now.points_W[kept], now.hidden_W])
         tried = failed(track.label, now.attempts) if self._config.remember else []
 
         def rank() -> RankedGrasps:
@@ -105,11 +113,12 @@ class Attempting:
                 model=model,
                 X_WO=track.X_WO,
                 belief=track.belief,
-                points_W=np.concatenate([now.points_W[kept], *(points_W for _, points_W in hidden)]),
+                points_W=np.concatenate([around_W, *(points_W for _, points_W in hidden)]),
                 table_height=self._regions["table"].floor_height,
                 config=self._grasp_config,
                 owners=[
                     *owners(others, [now.off[t.id][kept] for t in others], len(kept)),
+                    *[UNEXPLAINED] * len(now.hidden_W),
                     *(label for label, points_W in hidden for _ in points_W),
                 ],
             )
@@ -117,7 +126,7 @@ class Attempting:
         def drag() -> tuple[tuple[str, float], ...]:
             return dragged(model, track.X_WO, [(self._catalogue[t.label], t.X_WO) for t in others])
 
-        return Prospect(track, now.points_W[kept], rank, drag)
+        return Prospect(track, around_W, rank, drag)
 
     def plan(
         self,

@@ -19,7 +19,7 @@ class Prospect(Immutable):
 
     track: Track
     obstacles_W: Array
-    """(m, 3): depth points that are not of it."""
+    """(m, 3): depth points that are not of it, and where more of what they show may be hidden."""
     rank: Callable[[], RankedGrasps]
     drag: Callable[[], Sequence[tuple[str, float]]]
     """`lifting.dragged`."""
