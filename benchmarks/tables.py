@@ -48,7 +48,7 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
             continue
         data = results[name]
         versions = data["versions"]
-        lines += [f"## {title}", "", f"`sum-drake bench {name} --out out/{name}`", ""]
+        lines += [f"## {title}", "", *(f"`sum-drake {line}`\n" for line in _commands(name, data))]
         own = [plot for plot in drawn(results) if PLOTS[plot][0] == name]
         lines += [line for plot in own for line in (f"![{plot}](plots/{plot}.svg)", "")]
         lines += ["| figure | value | aim |", "|---|---|---|"]
@@ -58,9 +58,33 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         ]
         told = ", ".join(f"{package} {versions[package]}" for package in ("python", "drake", "torch", "numpy"))
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
+        lines += ["", *map(_told_of, _batches(data))]
         of = f"Commit {data['commit']}. " if data.get("commit") else ""
-        lines += ["", f"{of}On {data['device']}; {told}; seeds: {seeds}.", ""]
+        lines += [f"{of}On {data['device']}; {told}; seeds: {seeds}.", ""]
     return "\n".join(lines)
+
+
+def _batches(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """What was run beside a bench, for it: `batch.made_by` of each."""
+    settings = data["settings"]
+    return [*settings.get("batches", ()), *([settings["default"]] if data["bench"] == "ablations" else [])]
+
+
+def _told_of(batch: Mapping[str, Any]) -> str:
+    (first, last), objects = batch["seeds"], batch["settings"]["objects"]
+    of = f"{batch['done']} runs of {objects} objects, seeds {first} to {last}"
+    return f"{of}: commit {batch['commit']}, on {batch['device']}.\n"
+
+
+def _commands(name: str, data: Mapping[str, Any]) -> list[str]:
+    """That make a result."""
+    lines, more = [], ""
+    for batch in data["settings"].get("batches", ()):
+        (first, last), objects = batch["seeds"], batch["settings"]["objects"]
+        out = f"out/b{objects}"
+        lines.append(f"batch --runs {last - first + 1} --first-seed {first} --objects {objects} --out {out}")
+        more += f" --batch {out}"
+    return [*lines, f"bench {name} --out out/{name}{more}"]
 
 
 def _number(value: float | None, digits: int = 4) -> str:

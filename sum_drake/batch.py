@@ -8,8 +8,9 @@ import dataclasses
 import json
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,12 +21,14 @@ from sum_drake.bench.resumed import different
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
-from sum_drake.files import alone
+from sum_drake.files import PART, alone
 from sum_drake.jsonio import write_json
 
 SCHEMA = "sum-drake/batch/1"
 WORK = ".work"
 """Folder in the batch's of what is not done."""
+OFTEN_S = 2.0
+"""Between writes of batch.json while many runs end, seconds: which are kept is told by their folders."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -46,10 +49,12 @@ class Processes:
     def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
         """As `Executor.run`; what is under way when it is interrupted is ended."""
         with ThreadPoolExecutor(self.workers) as pool:
-            futures = [pool.submit(run_episode, spec, work) for spec in specs]
+            pending = {pool.submit(run_episode, spec, work) for spec in specs}
             try:
-                for future in as_completed(futures):
-                    yield future.result()
+                while pending:
+                    done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                    while done:  # whose files are not kept in memory any longer than it takes to write them
+                        yield done.pop().result()
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 end_episodes()
@@ -74,17 +79,23 @@ def run_batch(
     with alone(out, "another batch"):
         shutil.rmtree(work, ignore_errors=True)  # of a batch that was killed
         work.mkdir(parents=True)
-        rows = {spec.seed: row for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
+        asked = {"objects_asked": settings["objects"]}
+        rows = {spec.seed: row | asked for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
         left = [spec for spec in specs if spec.seed not in rows]
         seeds = [spec.seed for spec in specs]
-        told = _write(out, settings, seeds, rows)
+        made_with = {"versions": versions(), "commit": commit(), "device": device()}
+        _write(out, settings, seeds, rows, made_with)
+        written = time.monotonic()
         progress("running", len(rows), len(specs))
         with closing(executor.run(left, work)) as episodes:
             for episode in episodes:
                 keep(episode, out)
-                rows[episode.seed] = episode.row()
-                told = _write(out, settings, seeds, rows)
+                rows[episode.seed] = episode.row() | asked
+                if time.monotonic() > written + OFTEN_S:
+                    _write(out, settings, seeds, rows, made_with)
+                    written = time.monotonic()
                 progress("running", len(rows), len(specs))
+        told = _write(out, settings, seeds, rows, made_with)
         shutil.rmtree(work)
     return told
 
@@ -95,7 +106,7 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: a file; expected a folder or a new name")
     if not file.is_file():
-        if out.is_dir() and any(path.name != WORK for path in out.iterdir()):
+        if out.is_dir() and any(path.name != WORK and not path.name.endswith(PART) for path in out.iterdir()):
             raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
         return
     other = different(read_batch(out)["settings"], settings)
@@ -103,7 +114,7 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
         raise InputError(f"{file}: is of {other}; expected a new --out")
 
 
-PARTS = {
+FIELDS = {
     "settings": dict, "seeds": list, "runs": int, "done": int, "figures": dict, "causes": dict, "losses": list,
     "episodes": list, "versions": dict, "device": str,
 }  # fmt: skip
@@ -117,14 +128,15 @@ def read_batch(folder: Path) -> dict[str, Any]:
         data = json.loads(file.read_text())
         if data["schema"] != SCHEMA:
             raise InputError(f"{file}: schema {data['schema']!r}; expected {SCHEMA!r}")
-        for part, kind in PARTS.items():
+        for part, kind in FIELDS.items():
             if not isinstance(data[part], kind):
                 raise TypeError(f"{part} is a {type(data[part]).__name__}")
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
-    return dict(data)
+    asked = {"objects_asked": data["settings"].get("objects", 0)}
+    return {**data, "episodes": [asked | row for row in data["episodes"]]}
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:
@@ -143,9 +155,15 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
 
 def read_episodes(folder: Path) -> list[dict[str, Any]]:
     """The runs of a batch's folder that are done, by seed. Raises InputError for a folder that is none."""
-    read_batch(folder)
+    asked = {"objects_asked": read_batch(folder)["settings"]["objects"]}
     found = (read_episode(path) for path in folder.iterdir() if path.name.isdigit())
-    return sorted((row for row in found if row is not None), key=lambda row: int(row["seed"]))
+    return sorted((row | asked for row in found if row is not None), key=lambda row: int(row["seed"]))
+
+
+def made_by(folder: Path) -> dict[str, Any]:
+    """Which program, on what, has made a batch, and which runs it is of."""
+    batch = read_batch(folder)
+    return {name: batch.get(name) for name in ("seeds", "runs", "done", "settings", "commit", "versions", "device")}
 
 
 def keep(episode: Episode, out: Path) -> None:
@@ -161,8 +179,19 @@ def keep(episode: Episode, out: Path) -> None:
     folder.rename(out / str(episode.seed))
 
 
+BRIEF = (
+    "seed", "state", "reason", "outcome", "objects_asked", "objects_total", "objects_sorted", "objects_missorted",
+    "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
+)  # fmt: skip
+"""What batch.json tells of each run."""
+
+
 def _write(
-    out: Path, settings: Mapping[str, Any], seeds: Sequence[int], rows: Mapping[int, Mapping[str, Any]]
+    out: Path,
+    settings: Mapping[str, Any],
+    seeds: Sequence[int],
+    rows: Mapping[int, Mapping[str, Any]],
+    made_with: Mapping[str, Any],
 ) -> dict[str, Any]:
     done = [rows[seed] for seed in seeds if seed in rows]
     told = {
@@ -175,15 +204,7 @@ def _write(
         "causes": causes(done),
         "losses": losses(done),
         "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
-        "versions": versions(),
-        "commit": commit(),
-        "device": device(),
+        **made_with,
     }
     write_json(out / "batch.json", told)
     return told
-
-
-BRIEF = (
-    "seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
-    "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
-)  # fmt: skip

@@ -1,5 +1,6 @@
 """What many runs come to: how much was sorted, at what cost, and what became of the rest."""
 
+import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,18 +12,17 @@ from sum_drake.types import Array
 DRAWS = 10_000
 """Bootstrap draws."""
 Row = Mapping[str, Any]
-"""episode.json of one run."""
+"""episode.json of one run, and `objects_asked`, how many objects it was to have."""
 
 
 def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]:
     """Figures of episodes; shares are of objects, intervals by bootstrap over runs (95 %), `seed` is of its draws.
 
-    A run that has no summary, as its process died, counts as one that sorted none of as many objects as the others
-    had, so that nothing is gained by a crash. None is what cannot be told of so few.
+    A run that has no summary, as its process died, counts as one that sorted none of the objects it was to have, so
+    that nothing is gained by a crash. None is what cannot be told of so few.
     """
     told = [row for row in rows if "objects_total" in row]
-    usual = round(float(np.median([row["objects_total"] for row in told]))) if told else 0
-    total = np.array([row.get("objects_total", usual) for row in rows], float)
+    total = np.array([objects_of(row) for row in rows], float)
     done = np.array([row.get("objects_sorted", 0) for row in rows], float)
     trials = sum(row["manipulation_trials"] for row in told)
     moved = sum(attempt["outcome"] == "sorted" for row in told for attempt in row["attempts"])
@@ -54,17 +54,31 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
     return {name: None if np.isnan(value) else float(value) for name, value in figures.items()}
 
 
+def known_figures(rows: Sequence[Row]) -> dict[str, float]:
+    """`batch_figures`, NaN for what cannot be told."""
+    return {name: float("nan") if value is None else value for name, value in batch_figures(rows).items()}
+
+
 COSTS = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "sim_time_s")
 """Fields of a summary's `timing` of which medians are told, seconds."""
+
+
+def objects_of(row: Row) -> int:
+    """How many objects a run had; one whose process died: how many it was to have."""
+    return int(row["objects_total"] if "objects_total" in row else row["objects_asked"])
 
 
 def losses(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Every object that did not end where it belongs, with its seed and the reason: rows of a table.
 
-    The reason is that another's pick knocked it off, else the last try at it, else why it was never tried.
+    The reason is that another's pick knocked it off, else the last try at it, else why it was never tried. Of a run
+    that cannot tell, as its process died, all were lost, by no name.
     """
     found = []
     for row in rows:
+        if "objects_total" not in row:
+            lost = {"seed": row["seed"], "label": "any", "place": "unknown", "cause": f"the run {row['state']}"}
+            found += [lost] * objects_of(row)
         for one in row.get("objects", ()):
             if one["goal"] not in ("leave", one["place"]):
                 why = _cause(one["label"], row)
@@ -91,23 +105,23 @@ def causes(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def share_interval(done: Array, total: Array, seed: int = 0) -> tuple[float, float]:
-    """The 95 % interval of sum(done) / sum(total), (n,) each, by bootstrap over the n runs; NaN for fewer than two.
+    """The 95 % interval of sum(done) / sum(total), (n,) each; NaN for fewer than two runs.
 
-    Where every run's share is the same, draws of runs say nothing: then the exact interval (Clopper and Pearson) of as
-    many independent objects, so that two runs without a loss are no proof.
+    By bootstrap over the n runs, whose objects hang together, but no narrower than the exact interval (Clopper and
+    Pearson) of as many independent objects: where nearly nothing is lost, draws of runs say too little, and two runs
+    without a loss are no proof. One loss more never raises either end.
     """
     if len(done) < 2 or total.sum() == 0:
         return float("nan"), float("nan")
-    shares = done / np.maximum(total, 1.0)
-    if (shares == shares[0]).all():
-        return exact_interval(float(done.sum()), float(total.sum()))
-    return _drawn_interval(done, total, seed)
+    drawn, exact = _drawn_interval(done, total, seed), exact_interval(float(done.sum()), float(total.sum()))
+    return min(drawn[0], exact[0]), max(drawn[1], exact[1])
 
 
-def _drawn_interval(done: Array, total: Array, seed: int) -> tuple[float, float]:
-    """By bootstrap alone."""
-    drawn = np.random.default_rng(seed).integers(0, len(done), (DRAWS, len(done)))
-    low, high = np.quantile(done[drawn].sum(1) / np.maximum(total[drawn].sum(1), 1.0), (0.025, 0.975))
+def _drawn_interval(part: Array, whole: Array, seed: int) -> tuple[float, float]:
+    """Of sum(part) / sum(whole), by bootstrap over the runs alone."""
+    kinds, count = np.unique(np.stack([part, whole], -1), axis=0, return_counts=True)
+    drawn = np.random.default_rng(seed).multinomial(len(part), count / len(part), DRAWS) @ kinds
+    low, high = np.quantile(drawn[:, 0] / np.maximum(drawn[:, 1], 1.0), (0.025, 0.975))
     return float(low), float(high)
 
 
@@ -126,23 +140,46 @@ def pairs(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[int, Row | None, Row
     return [(seed, in_a.get(seed), in_b.get(seed)) for seed in sorted(in_a.keys() | in_b.keys())]
 
 
-def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> tuple[int, float, float, float] | None:
-    """How much more of the objects B sorted than A in runs of the same seeds, and the 95 % interval of that share.
+@dataclasses.dataclass(frozen=True)
+class Gain:
+    """How much more of the objects B sorted than A, in runs of the same seeds."""
 
-    By bootstrap over those runs, in which both are drawn together, so that what a pour makes hard for both cancels. A
-    run whose process died sorted none of what the other run of its seed was about. None without two such runs that
-    tell how many objects there were. Returns how many runs there are, the difference, the interval's ends, which lie
-    together where all differ by the same: of few runs that says nothing.
+    runs: int
+    """Pairs of runs."""
+    differ: int
+    """Those in which one sorted more than the other."""
+    share: float
+    """Of all objects of the pairs."""
+    low95: float
+    high95: float
+    """By bootstrap over pairs, so that what a pour makes hard for both cancels; they lie together where all differ by
+    the same."""
+    p_value: float
+    """How often signs drawn by chance would make a difference as large, either way: exact."""
+
+
+def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> Gain | None:
+    """What B gains over A. A run whose process died sorted nothing.
+
+    None without two pairs of runs, or where two runs of a seed have not the same number of objects.
     """
-    total, gain = [], []
-    for _, x, y in pairs(a, b):
-        if x is not None and y is not None and (objects := x.get("objects_total") or y.get("objects_total")):
-            total.append(float(objects))
-            gain.append(float(y.get("objects_sorted", 0) - x.get("objects_sorted", 0)))
-    if len(total) < 2:
+    both = [(x, y) for _, x, y in pairs(a, b) if x is not None and y is not None]
+    total = np.array([[objects_of(x), objects_of(y)] for x, y in both], float).reshape(-1, 2)
+    if len(both) < 2 or (total[:, 0] != total[:, 1]).any() or not total.any():
         return None
-    low, high = _drawn_interval(np.array(gain), np.array(total), seed)
-    return len(total), sum(gain) / sum(total), low, high
+    gain = np.array([y.get("objects_sorted", 0) - x.get("objects_sorted", 0) for x, y in both])
+    low, high = _drawn_interval(gain.astype(float), total[:, 0], seed)
+    share = float(gain.sum() / total[:, 0].sum())
+    return Gain(len(both), int(np.count_nonzero(gain)), share, low, high, _sign_flip(gain))
+
+
+def _sign_flip(gains: Array) -> float:
+    """Two-sided p-value of a sum of whole numbers (n,), each of which might as well have had the other sign."""
+    sums = np.ones(1)  # how likely each sum is, from the least to the largest
+    for size in np.abs(gains[gains != 0]).astype(int):
+        sums = (np.pad(sums, (2 * size, 0)) + np.pad(sums, (0, 2 * size))) / 2
+    values = np.arange(len(sums)) - len(sums) // 2
+    return float(sums[np.abs(values) >= abs(gains.sum())].sum())
 
 
 def _share(part: float, whole: float) -> float:

@@ -11,8 +11,8 @@ from sum_drake.bench.resumed import different
 from sum_drake.files import write_whole
 from sum_drake.report_parts import seconds
 
-TELLING = 6
-"""Of fewer pairs nothing is told: even if all went one way, by a sign test chance gives that in more than .05."""
+SURE = 0.05
+"""What chance gives more often is not told as a difference."""
 Batch = Mapping[str, Any]
 """What batch.json holds."""
 
@@ -123,12 +123,14 @@ def _verdict(a: Batch, b: Batch) -> str:
     told = paired_difference(a["episodes"], b["episodes"])
     if told is None:
         return words
-    runs, gain, low, high = told
-    words += f" Over the {runs} runs, B sorted {gain:+.3f} of the objects against A"
-    if runs < TELLING:
-        return f"{words}: too few runs to tell whether chance gave it."
-    sure = "more than chance would give" if low > 0 or high < 0 else "chance may have given it"
-    return f"{words} ({low:+.3f} to {high:+.3f} in 95 % of bootstrap draws over pairs): {sure}."
+    words += (
+        f" Over {told.runs} pairs of runs, {told.differ} of which differ, B sorted {told.share:+.3f} of the objects"
+    )
+    sure = "more than chance would give" if told.p_value <= SURE else "chance may have given it"
+    return (
+        f"{words} against A ({told.low95:+.3f} to {told.high95:+.3f} in 95 % of bootstrap draws over pairs): {sure}, "
+        f"p = {told.p_value:.2g} by signs drawn at random."
+    )
 
 
 def _settings(a: Batch, b: Batch) -> str:

@@ -173,7 +173,7 @@ def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
     if done.timed_out:
         state, reason = "timed_out", f"not done after {spec.time_limit_s:g} s; last: {last}"
     elif done.status < 0:
-        state, reason = "crashed", f"ended by {signal.Signals(-done.status).name}; last: {last}"
+        state, reason = "crashed", f"ended by {_signal(-done.status)}; last: {last}"
     elif summary is None:
         state, reason = "crashed", f"exit status {done.status}, {problem}; last: {last}"
     elif done.status != 0:
@@ -182,6 +182,13 @@ def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
         state, reason = "ended", ""
     used = done.cpu_s, done.wall_s, done.peak_memory_mib
     return Episode(spec.seed, state, reason, summary, files, said, *used)
+
+
+def _signal(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # real-time ones have no name
+        return f"signal {number}"
 
 
 def lost(spec: EpisodeSpec, reason: str) -> Episode:

@@ -8,13 +8,16 @@ from pathlib import Path
 
 from sum_drake.assets import InputError
 
+PART = ".part"
+"""How names end of what is not written whole yet."""
+
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Writes a file, text as UTF-8, through a temporary one beside it, so that nobody ever sees half of it.
 
     Raises OSError where the folder cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.part")
+    temporary = path.with_name(f".{path.name}{PART}")
     try:
         temporary.write_bytes(content.encode() if isinstance(content, str) else content)
         temporary.replace(path)

@@ -6,11 +6,13 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
 from refusals import refused
 
+from sum_drake import episodes
 from sum_drake.cli import main
 from sum_drake.episodes import EpisodeSpec, run_episode
 from sum_drake.summary_schema import validate_summary
@@ -101,12 +103,43 @@ def test_what_takes_too_much_is_a_result(limits, state, words, tmp_path):
     assert not list(tmp_path.iterdir()), "nothing is left"
 
 
-def test_a_crash_does_not_end_the_batch(tmp_path):
+def test_a_batch_in_which_every_run_dies_is_told_like_others(tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(batch(out, "--workers", "2", "--time-limit", "1")) == 0
+    command = [part for part in batch(out, "--workers", "2", "--time-limit", "1") if part != "--quiet"]
+    assert main(command) == 0
     figures = told(out)["figures"]
     assert (figures["runs"], figures["runs_ended"], figures["hangs"]) == (2, 0, 2)
+    assert (figures["objects"], figures["objects_sorted_share"], figures["runs_complete_share"]) == (2, 0.0, 0.0)
     assert (out / "5" / "log.txt").is_file()
+    said = capsys.readouterr().out
+    assert "2 runs: 0 of 2 objects sorted, 0.000" in said and "lost: 2 the run timed_out" in said
+
+
+def test_a_run_that_fails_and_one_that_is_killed_are_results(tmp_path):
+    scenario = dump_scenario(load_scenario(text=SHORT, seed=5))
+    missing = run_episode(EpisodeSpec(5, scenario.replace("soup_can", "no_such_thing"), 600, 4096), tmp_path)
+    assert missing.state == "crashed" and "exit status 2, no summary.json" in missing.reason
+    found = []
+
+    def end() -> None:
+        while not (running := tuple(episodes._running)):
+            time.sleep(0.01)
+        found.append(running[0].pid)
+        os.killpg(running[0].pid, signal.SIGRTMIN + 3)
+
+    killer = threading.Thread(target=end)
+    killer.start()
+    killed = run_episode(EpisodeSpec(5, scenario, 600, 4096), tmp_path)
+    killer.join()
+    assert killed.state == "crashed" and killed.reason.startswith(f"ended by signal {signal.SIGRTMIN + 3}"), found
+
+
+def test_a_batch_that_was_killed_at_its_first_write_goes_on(tmp_path):
+    out = tmp_path / "out"
+    (out / ".work").mkdir(parents=True)
+    (out / ".batch.json.part").write_text("{")
+    assert main(batch(out, "--time-limit", "1", runs=1)) == 0
+    assert told(out)["done"] == 1
 
 
 def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):

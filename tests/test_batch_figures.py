@@ -57,11 +57,13 @@ def test_shares_costs_and_picks():
 
 
 def test_a_run_whose_process_died_sorted_nothing():
-    died = {"seed": 9, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0}
+    died = {"seed": 9, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0, "objects_asked": 2}
     rows = [run(1, {"a": "bin", "b": "bin"}, []), died]
     figures = batch_figures(rows)
     assert (figures["objects"], figures["objects_sorted_share"], figures["crashes"]) == (4, 0.5, 1)
-    assert batch_figures([died])["objects_sorted_share"] is None
+    assert causes(rows) == {"the run crashed": 2}, "what was lost has its cause"
+    figures = batch_figures([died, died])
+    assert (figures["objects"], figures["objects_sorted_share"], figures["runs_complete_share"]) == (4, 0.0, 0.0)
 
 
 def test_of_nothing_nothing_can_be_told():
@@ -75,6 +77,21 @@ def test_the_interval_holds_the_share_and_depends_on_the_seed_alone(done):
     low, high = share_interval(np.array(done, float), total)
     assert 0.0 <= low <= sum(done) / total.sum() + 1e-9 and sum(done) / total.sum() - 1e-9 <= high <= 1.0
     assert (low, high) == share_interval(np.array(done, float), total)
+
+
+@given(st.lists(st.integers(1, 5), min_size=2, max_size=60), st.data())
+def test_one_loss_more_never_raises_the_interval(done, data):
+    total = np.full(len(done), 5.0)
+    worse = np.array(done, float)
+    worse[data.draw(st.integers(0, len(done) - 1))] -= 1
+    better = share_interval(np.array(done, float), total)
+    assert all(b >= w - 0.004 for b, w in zip(better, share_interval(worse, total), strict=True)), "but for the draws"
+
+
+def test_the_first_losses_cost(n=60):
+    """Draws of runs alone would tell less of one loss than of none."""
+    lows = [share_interval(np.array([5.0] * (n - k) + [4.0] * k), np.full(n, 5.0))[0] for k in range(8)]
+    assert lows == sorted(lows, reverse=True) and len(set(lows)) == len(lows)
 
 
 def test_runs_without_a_loss_are_no_proof_and_the_more_there_are_the_surer():

@@ -34,10 +34,14 @@ def row(seed: int, done: int, *, total: int = 5) -> dict[str, Any]:
     }  # fmt: skip
 
 
+DIED = {"state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0, "objects_asked": 5}
+
+
 def write_batch(folder: Path, rows: list[dict[str, Any]], **more: Any) -> Path:
     folder.mkdir()
     data = {
-        "schema": "sum-drake/batch/1", "settings": {"first_seed": 0, "code": "a", "scenario": "b"}, "seeds": [0, 9],
+        "schema": "sum-drake/batch/1", "seeds": [0, 9],
+        "settings": {"first_seed": 0, "objects": 5, "code": "a", "scenario": "b"},
         "runs": len(rows), "done": len(rows), "figures": batch_figures(rows), "causes": causes(rows),
         "losses": losses(rows), "episodes": rows, "versions": {"drake": "1.51.1"}, "device": "a machine",
     }  # fmt: skip
@@ -52,11 +56,12 @@ def words_of(*folders: Path) -> str:
 
 
 def test_a_batch_tells_what_was_sorted_and_what_was_lost(tmp_path: Path) -> None:
-    crashed = {"seed": 2, "state": "crashed", "reason": "killed by signal 9", "cpu_s": 3.0, "peak_memory_mib": 10.0}
+    crashed = DIED | {"seed": 2, "reason": "killed by signal 9"}
     words = words_of(write_batch(tmp_path / "a", [row(0, 5), row(1, 4), crashed]))
     for part in ("Batch a", "3 runs, seeds 0 to 9", "5 of 5", "4 of 5", "thing4 (1)", "dropped: empty_hand", "crashed"):
         assert part in words, part
     assert "killed by signal 9" in words and "0.6" in words, "a run that died sorted none of its five"
+    assert "5: any (2), any (2)" in words, "all of them are lost, to the crash"
 
 
 def test_equal_batches_are_said_to_be_equal(tmp_path: Path) -> None:
@@ -70,12 +75,24 @@ def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
     a = write_batch(tmp_path / "a", [row(i, 4) for i in range(8)])
     b = write_batch(tmp_path / "b", [row(i, 5) for i in range(7)] + [row(11, 0)], settings={"code": "c"})
     told = paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"])
-    assert told is not None and told[0] == 7
-    assert told[1:] == pytest.approx((0.2, 0.2, 0.2)), "every pour by one of five: no doubt about it"
+    assert told is not None and (told.runs, told.differ) == (7, 7)
+    assert (told.share, told.low95, told.high95) == pytest.approx((0.2, 0.2, 0.2)), "every pour by one of five"
+    assert told.p_value == pytest.approx(2 / 2**7)
     words = words_of(a, b)
-    assert "B sorted +0.200 of the objects against A" in words and ": more than chance would give." in words
+    assert "B sorted +0.200 of the objects against A" in words and ": more than chance would give, p = 0.016" in words
     assert "not there" in words and "+1" in words, "seeds 7 and 11 are in one of them alone"
     assert "another version of the program" in words
+
+
+def test_few_pairs_that_differ_are_no_proof_however_many_do_not(tmp_path: Path) -> None:
+    a = write_batch(tmp_path / "a", [row(i, 5) for i in range(40)])
+    b = write_batch(tmp_path / "b", [row(i, 4 if i < 5 else 5) for i in range(40)])
+    told = paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"])
+    assert told is not None and told.high95 < 0, "by draws of runs alone it would be sure"
+    assert told.p_value == pytest.approx(2 / 2**5)
+    assert "chance may have given it, p = 0.062" in words_of(a, b)
+    larger = write_batch(tmp_path / "c", [row(i, 9, total=10) for i in range(40)])
+    assert paired_difference(read_batch(a)["episodes"], read_batch(larger)["episodes"]) is None, "other pours"
 
 
 def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
@@ -83,18 +100,21 @@ def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
         write_batch(tmp_path / name, [row(i, done, total=1) for i in range(2)]) for name, done in (("a", 1), ("b", 0))
     )
     words = words_of(a, b)
-    assert "B sorted -1.000 of the objects against A: too few runs to tell whether chance gave it." in words
+    assert (
+        "B sorted -1.000 of the objects against A (-1.000 to -1.000" in words
+        and "chance may have given it, p = 0.5" in words
+    )
     assert "2 of 2" in words_of(a) and "objects sorted: 1.000, 0.158 to 1.000" in words_of(a)
 
 
 def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
     """Whose crash it is must not favour anybody."""
-    died = {"seed": 1, "state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0}
+    died = DIED | {"seed": 1}
     whole = read_batch(write_batch(tmp_path / "a", [row(0, 5), row(1, 5)]))["episodes"]
     half = read_batch(write_batch(tmp_path / "b", [row(0, 5), died]))["episodes"]
     there, back = paired_difference(whole, half), paired_difference(half, whole)
     assert there is not None and back is not None
-    assert there[:2] == (2, -0.5) and back[:2] == (2, 0.5)
+    assert (there.runs, there.share, back.runs, back.share) == (2, -0.5, 2, 0.5)
 
 
 def test_without_a_seed_in_common_nothing_is_paired(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ def pours(lost):
     rows = []
     for seed, count in enumerate(lost):
         places = {f"o{i}": "floor" if i < count else "bin" for i in range(2)}
-        rows.append(run(seed, places, [attempt(label, "sorted") for label in places]))
+        rows.append(run(seed, places, [attempt(label, "sorted") for label in places], objects_asked=2))
     return rows
 
 
@@ -35,6 +35,7 @@ def test_gains_are_over_the_pours_that_both_sorted():
     assert found["paper_filter.objects_sorted_share"] == 0.5
     assert found["paper_filter.gain"] == pytest.approx(-3 / 8)
     assert found["paper_filter.gain_low95"] <= -3 / 8 <= found["paper_filter.gain_high95"] < 0
+    assert (found["paper_filter.pairs_that_differ"], found["paper_filter.gain_p"]) == (3, 0.25), "no proof"
     assert found["no_memory.gain"] != found["no_memory.gain"], "of one pair nothing can be told"
     assert "default.gain" not in found
     assert {f"default.{name}" for name in FIGURES} <= found.keys()
@@ -66,6 +67,29 @@ def test_variants_are_run_told_and_gone_on_with(tmp_path):
         default=tmp_path / "out" / "default", quick=True, progress=lambda what, done, total: None,
     )  # fmt: skip
     assert not (tmp_path / "other" / "default").exists() and again.keys() == found.keys()
+    data = json.loads((tmp_path / "other" / "results.json").read_text())
+    assert data["settings"]["default"]["seeds"] == [3, 3]
+
+
+def test_a_default_that_is_of_something_else_is_refused(tmp_path):
+    def prepared(duration, runs, text):
+        short = {"objects": {"labels": ["soup_can"]}, "simulation_duration": duration, **parse_yaml(text, "a variant")}
+        return prepare(load_scenario(text=json.dumps(short), seed=3), 3, runs)
+
+    def bench(*default, duration=0.3, runs=1):
+        return bench_ablations(
+            tmp_path / str(duration), lambda text: prepared(duration, runs, text), Processes(1),
+            variants=("no_memory",), default=default[0] if default else None, quick=True,
+            progress=lambda what, done, total: None,
+        )  # fmt: skip
+
+    assert "no_memory.gain" in bench(), "what it is compared with is run though nobody named it"
+    default = tmp_path / "0.3" / "default"
+    with pytest.raises(InputError, match="is of another scenario; expected a batch of this program and scenario"):
+        bench(default, duration=0.4)
+    with pytest.raises(InputError, match="seed 4 is not done; expected 2 from 3"):
+        bench(default, runs=2)
+    assert not (tmp_path / "0.4").exists()
 
 
 def test_what_is_unknown_is_refused_before_anything_is_run(tmp_path, capsys):

@@ -19,7 +19,7 @@ def test_only_what_happened_is_to_be_dealt_with_and_soon():
     rows = [
         run(1, {"a": "bin"}, [], faults=[fault("swept", 2), fault("swept", 3), fault("taken", None)]),
         run(2, {"a": "bin"}, [], faults=[fault("taken", 1), fault("camera", None, happened=False)]),
-        {"seed": 3, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0},
+        {"seed": 3, "state": "crashed", "cpu_s": 1.0, "peak_memory_mib": 10.0, "objects_asked": 1},
     ]
     found = fault_figures(rows, 2)
     assert (found["faults_happened"], found["crashes"], found["invalid_beliefs"]) == (4, 1, 2)

@@ -15,7 +15,12 @@ from sum_drake.systems.scenario import load_scenario
 def pours(count, objects, first=0):
     places = {f"o{i}": "bin" for i in range(objects)}
     tries = [attempt(label, "sorted") for label in places]
-    return [run(first + i, places, tries) for i in range(count)]
+    return [run(first + i, places, tries, objects_asked=objects) for i in range(count)]
+
+
+def died(seed, objects):
+    return {"seed": seed, "state": "crashed", "reason": "killed", "cpu_s": 3.0, "peak_memory_mib": 10.0,
+            "objects_asked": objects}  # fmt: skip
 
 
 def test_the_papers_table_is_the_papers():
@@ -28,13 +33,18 @@ def test_figures_are_of_the_batches_by_number_of_objects_else_of_the_sequences()
     alone = sort_figures(sequences, [])
     assert (alone["runs"], alone["sequences"], alone["sequences_objects_sorted"]) == (8, 8, 40)
     assert "objects_sorted_share_10" not in alone
-    lost = run(99, {"a": "bin", "b": "bin", "c": "bin", "d": "bin", "e": "floor"}, [attempt("e", "dropped")])
+    lost = run(
+        99, {"a": "bin", "b": "bin", "c": "bin", "d": "bin", "e": "floor"}, [attempt("e", "dropped")], objects_asked=5
+    )
     both = sort_figures(sequences, [*pours(19, 5, 100), lost, *pours(4, 10, 200)])
     assert (both["runs"], both["runs_10"]) == (20, 4)
     assert both["objects_sorted_share"] == pytest.approx(0.99)
     assert both["objects_sorted_share_10"] == 1.0
     assert both["objects_sorted_low95"] <= 0.99 <= both["objects_sorted_high95"] <= 1.0
     assert set(AIMS) <= set(both)
+    crashed = sort_figures([*pours(7, 5), died(7, 5)], [*pours(3, 5, 100), *pours(3, 10, 200), died(203, 10)])
+    assert (crashed["runs"], crashed["runs_10"], crashed["sequences_complete"]) == (3, 4, 7)
+    assert crashed["objects_sorted_share_10"] == 0.75, "nothing is gained by a crash"
 
 
 def test_sequences_are_run_and_told_and_gone_on_with(tmp_path):
@@ -60,3 +70,21 @@ def test_what_is_no_batch_is_refused_before_anything_is_run(tmp_path, capsys):
     assert main(["bench", "sort", "--out", str(tmp_path / "out"), "--batch", str(tmp_path / "b")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "no batch" in line and not (tmp_path / "out").exists()
+
+
+def test_a_run_counts_once_and_the_page_says_what_the_runs_were_of(tmp_path, capsys):
+    text = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
+    batch = ["batch", "--runs", "1", "--first-seed", "5", "--scenario-text", text, "--quiet"]
+    for name in ("a", "b"):
+        assert main([*batch, "--out", str(tmp_path / name)]) == 0
+    twice = [part for name in ("a", "b") for part in ("--batch", str(tmp_path / name))]
+    assert main(["bench", "sort", "--quick", "--out", str(tmp_path / "out"), *twice]) == 2
+    assert "seed 5 is in" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    specs, settings = prepare(load_scenario(text=text, seed=3), 3, 1)
+    bench_sort(
+        tmp_path / "out", specs, settings, Processes(1), [tmp_path / "a"], quick=True,
+        progress=lambda what, done, total: None,
+    )  # fmt: skip
+    assert "1 runs of 1 objects, seeds 5 to 5; commit" in (tmp_path / "out" / "report.html").read_text()
+    data = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [made["seeds"] for made in data["settings"]["batches"]] == [[5, 5]]

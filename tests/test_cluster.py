@@ -11,6 +11,8 @@ from refusals import refused
 from test_batch import SHORT, batch, digests
 
 from sum_drake.cli import main
+from sum_drake.cluster import _run_same
+from sum_drake.episodes import EpisodeSpec
 
 pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 pytestmark = [pytest.mark.cluster, pytest.mark.slow]
@@ -57,3 +59,8 @@ def test_a_lost_worker_loses_no_episode_and_changes_none(scheduler, tmp_path):
 def test_where_nobody_answers_it_is_said(tmp_path, capsys):
     line = refused(capsys, *batch(tmp_path / "out", "--cluster", "tcp://127.0.0.1:9", text=SHORT))
     assert "--cluster tcp://127.0.0.1:9" in line and "expected a Dask scheduler" in line
+
+
+def test_a_worker_of_another_version_runs_nothing():
+    with pytest.raises(RuntimeError, match="another version than the batch's"):
+        _run_same(EpisodeSpec(5, "", 1.0, 512), "0" * 16)

@@ -4,16 +4,18 @@ Each variant is a batch in a folder of its name below the bench's: called again,
 of runs of the same seed, which are of the same pour.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, check_batch, read_episodes, run_batch
-from sum_drake.batch_figures import Row, batch_figures, causes, losses, paired_difference
+from sum_drake.batch import Executor, check_batch, made_by, read_batch, read_episodes, run_batch
+from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.bench.aims import number
 from sum_drake.bench.results import write_results
+from sum_drake.bench.resumed import different
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
 
@@ -66,53 +68,76 @@ def bench_ablations(
     quick: bool = False,
     progress: Callable[[str, int, int], None],
 ) -> dict[str, float]:
-    """Runs the variants, and writes results.json and report.html after each; returns the figures.
+    """Runs the default and the variants, and writes report.html after each, results.json at the end; returns figures.
 
     variants: of VARIANTS. default: a batch's folder, whose runs of the same seeds stand for the default's. Raises
-    InputError for a variant that is unknown, a folder that is no batch's, and batches of other settings in `out`.
+    InputError for a variant that is unknown, a folder that holds no such batch, and batches of other settings in `out`.
     """
     unknown = [name for name in variants if name not in VARIANTS]
     if unknown:
         raise InputError(f"variant {unknown[0]!r}: unknown; expected some of {', '.join(VARIANTS)}")
-    own = [name for name in VARIANTS if name in variants and not (name == DEFAULT and default is not None)]
-    jobs = {name: prepare(VARIANTS[name][1]) for name in own}
-    for name, (_, settings) in jobs.items():
-        check_batch(out / name, settings)
+    names = [name for name in VARIANTS if name in {DEFAULT, *variants}]
+    jobs = {name: prepare(VARIANTS[name][1]) for name in names}
+    specs, common = jobs[DEFAULT]
     rows: dict[str, list[dict[str, Any]]] = {}
+    folders = {name: out / name for name in names}
     if default is not None:
-        seeds = {spec.seed for specs, _ in jobs.values() for spec in specs}
-        rows[DEFAULT] = [row for row in read_episodes(default) if row["seed"] in seeds]
+        folders[DEFAULT] = default
+        _check_default(default, specs, common)
+    for name in names:
+        if name != DEFAULT or default is None:
+            check_batch(folders[name], jobs[name][1])
+    out.mkdir(parents=True, exist_ok=True)
+    seeds = {spec.seed for spec in specs}
     found: dict[str, float] = {}
-    for name, (specs, settings) in jobs.items():
+    for name in names:
 
         def told(what: str, done: int, total: int, name: str = name) -> None:
             progress(f"{name}: {what}", done, total)
 
-        run_batch(out / name, specs, settings, executor, told)
-        seeds = {spec.seed for spec in specs}
-        rows[name] = [row for row in read_episodes(out / name) if row["seed"] in seeds]
+        if name != DEFAULT or default is None:
+            run_batch(folders[name], *jobs[name], executor, told)
+        rows[name] = [row for row in read_episodes(folders[name]) if row["seed"] in seeds]
         found = figures(rows)
-        common = {key: value for key, value in settings.items() if key != "scenario"}
-        write_results(
-            out, "ablations", quick=quick, settings={**common, "variants": {name: VARIANTS[name][1] for name in rows}},
-            seeds={"first": specs[0].seed}, figures=found, rows=_rows(rows),
-        )  # fmt: skip
         write_whole(out / "report.html", _page(rows, found))
+    # At the end alone: a bench whose results.json is there counts as done.
+    same = {key: value for key, value in common.items() if key != "scenario"}
+    told_of = {name: VARIANTS[name][1] for name in names}
+    write_results(
+        out, "ablations", quick=quick, settings={**same, "variants": told_of, "default": made_by(folders[DEFAULT])},
+        seeds={"first": specs[0].seed}, figures=found, rows=_rows(rows),
+    )  # fmt: skip
     return found
+
+
+def _check_default(folder: Path, specs: Sequence[EpisodeSpec], settings: Mapping[str, Any]) -> None:
+    """Raises InputError for a batch that is not what the default's own would be; it may have more seeds."""
+    other = different({**read_batch(folder)["settings"], "first_seed": settings["first_seed"]}, settings)
+    if other:
+        raise InputError(f"--default {folder}: is of {other}; expected a batch of this program and scenario")
+    done = {row["seed"] for row in read_episodes(folder)}
+    lacking = [spec.seed for spec in specs if spec.seed not in done]
+    if lacking:
+        raise InputError(
+            f"--default {folder}: seed {lacking[0]} is not done; expected {len(specs)} from {specs[0].seed}"
+        )
 
 
 def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
-    """VARIANT.NAME -> value: `batch_figures`, and gain, gain_low95, gain_high95: of the objects, sorted more by it."""
-    nan = float("nan")
+    """VARIANT.NAME -> value: `batch_figures`, and of the objects how many more it sorts than the default: its gain."""
     found: dict[str, float] = {}
     for name, of in rows.items():
-        known = batch_figures(of)
-        found |= {f"{name}.{figure}": nan if (value := known[figure]) is None else value for figure in FIGURES}
-        if name != DEFAULT and DEFAULT in rows:
+        known = known_figures(of)
+        found |= {f"{name}.{figure}": known[figure] for figure in FIGURES}
+        if name != DEFAULT:
             gain = paired_difference(rows[DEFAULT], of)
-            ends = ("gain", "gain_low95", "gain_high95")
-            found |= dict(zip((f"{name}.{end}" for end in ends), gain[1:] if gain else (nan,) * 3, strict=True))
+            told = (float("nan"),) * 5 if gain is None else dataclasses.astuple(gain)[1:]
+            found |= dict(zip((f"{name}.{figure}" for figure in GAIN), told, strict=True))
     return found
+
+
+GAIN = ("pairs_that_differ", "gain", "gain_low95", "gain_high95", "gain_p")
+"""Of a variant against the default, as `batch_figures.Gain` has them."""
 
 
 def _rows(rows: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
@@ -135,10 +160,10 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         share, low, high = (found[f"{name}.objects_sorted_{end}"] for end in ("share", "low95", "high95"))
         return "" if share != share else f"{share:.3f} ({low:.3f} to {high:.3f})"
 
-    counted = ("missorted", "trials_per_object", "cpu_s_per_run_median")
+    counted = ("pairs_that_differ", "gain_p", "missorted", "trials_per_object", "cpu_s_per_run_median")
     table = [
         (page.text(name), page.text(VARIANTS[name][0]), str(len(of)), sorted_interval(name),
-         interval(name, "gain", "+"), *(number(found[f"{name}.{figure}"]) for figure in counted))
+         interval(name, "gain", "+"), *(number(found.get(f"{name}.{figure}", float("nan"))) for figure in counted))
         for name, of in rows.items()
     ]  # fmt: skip
     lost = [
@@ -151,9 +176,10 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         [
             "<h1>What each ingredient is worth</h1>",
             "<p>The same pours, sorted with one thing changed. Gain: of the objects, how many more are sorted than by "
-            "default, over pairs of runs; in brackets, 95 % of bootstrap draws over runs.</p>",
-            page.table(("variant", "what is changed", "runs", "sorted", "gain", "missorted", "trials an object",
-                        "CPU s a run"), table),
+            "default, over pairs of runs; in brackets, 95 % of bootstrap draws over pairs; p: how often signs drawn at "
+            "random make as large a difference.</p>",
+            page.table(("variant", "what is changed", "runs", "sorted", "gain", "pairs that differ", "p", "missorted",
+                        "trials an object", "CPU s a run"), table),
             "<h2>What was lost, by cause</h2>",
             page.table(("variant", "cause", "objects"), lost) if lost else "<p>Nothing.</p>",
         ],

@@ -12,7 +12,7 @@ import numpy as np
 from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, read_episodes, run_batch
-from sum_drake.batch_figures import Row, batch_figures, causes
+from sum_drake.batch_figures import Row, causes, known_figures
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
@@ -44,7 +44,8 @@ def bench_faults(
 ) -> dict[str, float]:
     """Runs them, and writes results.json and report.html; returns the figures."""
     run_batch(out / "runs", specs, settings, executor, progress)
-    runs = [row for row in read_episodes(out / "runs") if row["seed"] in {spec.seed for spec in specs}]
+    seeds = {spec.seed for spec in specs}
+    runs = [row for row in read_episodes(out / "runs") if row["seed"] in seeds]
     broken = {row["seed"]: list(invalid_beliefs(out / "runs" / str(row["seed"]) / "run.mcap")) for row in runs}
     found = fault_figures(runs, sum(map(len, broken.values())))
     rows = (
@@ -64,7 +65,6 @@ def bench_faults(
 
 def fault_figures(runs: Sequence[Row], invalid: int) -> dict[str, float]:
     """Figures of the runs; invalid: how many beliefs were."""
-    known = batch_figures(runs)
     faults = [fault for row in runs for fault in row.get("faults") or () if fault["happened"]]
     kinds = sorted({fault["kind"] for fault in faults})
 
@@ -74,7 +74,7 @@ def fault_figures(runs: Sequence[Row], invalid: int) -> dict[str, float]:
         return float(np.mean(soon)) if soon else float("nan")
 
     return {
-        **{name: float("nan") if value is None else value for name, value in known.items()},
+        **known_figures(runs),
         "invalid_beliefs": invalid,
         "faults_happened": len(faults),
         "dealt_with_within_2": within_two(faults),

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from sum_drake import page
-from sum_drake.batch import Executor, read_batch, read_episodes, run_batch
-from sum_drake.batch_figures import Row, batch_figures, causes, losses
+from sum_drake.assets import InputError
+from sum_drake.batch import Executor, made_by, read_episodes, run_batch
+from sum_drake.batch_figures import Row, causes, known_figures, losses, objects_of
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
@@ -26,7 +27,7 @@ AIMS: Aims = {
     "objects_sorted_share_10": ("at least", 0.93),
 }
 FIRST_SEED, SEQUENCES, OBJECTS = 500, 8, 5
-"""Of the sequences: seeds on which nothing was tuned or mended."""
+"""Of the sequences: seeds on which nothing was tuned or mended (`benchmarks/seeds.md`)."""
 PAPER: dict[str, tuple[float, ...]] = {
     "objects": (5,) * 8,
     "errors": (1, 1, 2, 0, 0, 1, 1, 0),
@@ -46,25 +47,34 @@ def bench_sort(
     quick: bool,
     progress: Any,
 ) -> dict[str, float]:
-    """Runs the sequences, and writes results.json and report.html of them and of the batches; returns the figures."""
-    larger = [row for folder in batches for row in read_episodes(folder)]
+    """Runs the sequences, and writes results.json and report.html of them and of the batches; returns the figures.
+
+    Raises InputError as `read_batches` does.
+    """
+    larger = read_batches(batches)
     run_batch(out / "sequences", specs, settings, executor, progress)
-    sequences = [row for row in read_episodes(out / "sequences") if row["seed"] in {spec.seed for spec in specs}]
+    seeds = {spec.seed for spec in specs}
+    sequences = [row for row in read_episodes(out / "sequences") if row["seed"] in seeds]
     found = sort_figures(sequences, larger)
     rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
     rows += [{"table": "loss", **loss} for loss in losses([*sequences, *larger])]
     write_results(
-        out, "sort", quick=quick, settings={**settings, "batches": [_made_by(folder) for folder in batches]},
+        out, "sort", quick=quick, settings={**settings, "batches": [made_by(folder) for folder in batches]},
         seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows,
     )  # fmt: skip
-    write_whole(out / "report.html", _page(sequences, larger, found))
+    write_whole(out / "report.html", _page(sequences, larger, found, [made_by(folder) for folder in batches]))
     return found
 
 
-def _made_by(folder: Path) -> dict[str, Any]:
-    """Which program, on what, has made a batch, and which runs it is of."""
-    batch = read_batch(folder)
-    return {name: batch.get(name) for name in ("seeds", "runs", "done", "settings", "commit", "versions", "device")}
+def read_batches(folders: Sequence[Path]) -> list[dict[str, Any]]:
+    """The runs of batches. Raises InputError for a folder that is none, and for a run that is in two of them."""
+    rows = [(folder, row) for folder in folders for row in read_episodes(folder)]
+    first: dict[tuple[int, int], Path] = {}
+    for folder, row in rows:
+        other = first.setdefault((row["objects_asked"], row["seed"]), folder)
+        if other is not folder:
+            raise InputError(f"--batch {folder}: seed {row['seed']} is in {other}, too; expected each run once")
+    return [row for _, row in rows]
 
 
 def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, float]:
@@ -72,50 +82,62 @@ def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, f
 
     Without larger batches the sequences are the runs.
     """
-    nan = float("nan")
-    usual = sequences[0].get("objects_total", OBJECTS)
-    five = [row for row in larger if row.get("objects_total", usual) == usual] or list(sequences)
-    ten = [row for row in larger if row.get("objects_total") == 10]
-    known = {name: nan if value is None else value for name, value in batch_figures(five).items()}
-    of_ten = {name: nan if value is None else value for name, value in batch_figures(ten).items()}
-    told = [row for row in sequences if "objects_total" in row]
+    usual = sequences[0]["objects_asked"]
+    five = [row for row in larger if row["objects_asked"] == usual] or list(sequences)
+    ten = [row for row in larger if row["objects_asked"] == 10]
+    of_ten = known_figures(ten)
     return {
-        **known,
+        **known_figures(five),
         "sequences": len(sequences),
-        "sequences_complete": sum(row["objects_sorted"] == row["objects_total"] for row in told),
-        "sequences_objects_sorted": sum(row["objects_sorted"] for row in told),
-        "sequences_trials": sum(row["manipulation_trials"] for row in told),
-        "sequences_errors": sum(row["manipulation_errors"] for row in told),
+        "sequences_complete": sum(row.get("objects_sorted") == objects_of(row) for row in sequences),
+        "sequences_objects_sorted": sum(row.get("objects_sorted", 0) for row in sequences),
+        "sequences_trials": sum(row.get("manipulation_trials", 0) for row in sequences),
+        "sequences_errors": sum(row.get("manipulation_errors", 0) for row in sequences),
         **({f"{name}_10": of_ten[name] for name in TEN} if ten else {}),
     }
 
 
 TEN = ("runs", "objects_sorted_share", "objects_sorted_low95", "trials_per_object", "missorted", "cpu_s_per_run_median")
+"""Figures that are told of runs of ten objects, too."""
 
 
 def _row(table: str, row: Row) -> dict[str, Any]:
     kept = ("seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
             "manipulation_trials", "manipulation_errors", "cpu_s", "peak_memory_mib", "digest", "timing",
-            "limits")  # fmt: skip
+            "limits", "objects_asked")  # fmt: skip
     return {"table": table, **{name: row[name] for name in kept if name in row}}
 
 
-def _page(sequences: Sequence[Row], larger: Sequence[Row], found: Mapping[str, float]) -> str:
+def _told_of(batch: Mapping[str, Any]) -> str:
+    """What a batch was made of and with, `made_by`."""
+    (first, last), done = batch["seeds"], batch["done"]
+    told = f"{done} runs of {batch['settings']['objects']} objects, seeds {first} to {last}"
+    told += "" if done == batch["runs"] else f" of which {batch['runs'] - done} are not done"
+    return f"{told}; commit {batch['commit'] or 'unknown'}, on {batch['device']}."
+
+
+def _page(
+    sequences: Sequence[Row],
+    larger: Sequence[Row],
+    found: Mapping[str, float],
+    batches: Sequence[Mapping[str, Any]],
+) -> str:
     parts = [
         "<h1>Sequential sorting</h1>",
-        "<p>Objects are poured on the table and sorted into two bins. Above, the paper's eight sequences with a Fetch; "
-        "below, ours in simulation: another robot's world, so the rows stand side by side, no more.</p>",
+        "<p>Objects are poured on the table and sorted into two bins. First the paper's eight sequences with a Fetch, "
+        "then ours in simulation: another robot's world, so the rows stand side by side, no more.</p>",
         page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
         _table("The paper's", "abcdefgh", **PAPER),
         _table(
             "Ours",
             [str(row["seed"]) for row in sequences],
-            objects=[row.get("objects_total", 0) for row in sequences],
+            objects=[objects_of(row) for row in sequences],
             errors=[row.get("manipulation_errors", 0) for row in sequences],
             trials=[row.get("manipulation_trials", 0) for row in sequences],
-            completion=[row.get("objects_sorted", 0) / max(row.get("objects_total", 0), 1) for row in sequences],
+            completion=[row.get("objects_sorted", 0) / max(objects_of(row), 1) for row in sequences],
         ),
         "<h2>Figures</h2>",
+        *(f"<p>{page.text(_told_of(batch))}</p>" for batch in batches),
         page.table(
             ("figure", "value", "aim"),
             [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],

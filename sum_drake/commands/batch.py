@@ -109,8 +109,9 @@ def _run(options: argparse.Namespace) -> None:
         figures = told["figures"]
         share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))
         interval = "" if low is None else f" (95 % interval {low:.3f} to {high:.3f})"
-        done, objects = round(share * figures["objects"]), figures["objects"]
-        print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted, {share:.3f}{interval}")
+        done, objects = round((share or 0.0) * figures["objects"]), figures["objects"]
+        said = "" if share is None else f", {share:.3f}{interval}"
+        print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted{said}")
         for cause, count in told["causes"].items():
             print(f"  lost: {count} {cause}")
         print(options.out / "batch.json")

@@ -44,7 +44,7 @@ def add(benches: Commands) -> None:
     worth = add_command(benches, "ablations", _bench_ablations, text, "bench ablations --out out/ablations")
     _add_usual(worth, "one run of one object each", 1000)
     worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20)")
-    worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them (default: all)")
+    worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them, beside the default (default: all)")
     worth.add_argument(
         "--default", type=Path, metavar="DIR",
         help="folder of `sum-drake batch` whose runs of the same seeds stand for the default's",
@@ -67,12 +67,11 @@ def _add_usual(one: argparse.ArgumentParser, quick: str, seed: int) -> None:
 
 
 def _bench_sort(options: argparse.Namespace) -> None:
-    from sum_drake.batch import Processes, read_episodes
-    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort
+    from sum_drake.batch import Processes
+    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort, read_batches
     from sum_drake.systems.scenario import load_scenario
 
-    for folder in options.batch:
-        read_episodes(folder)  # what cannot be read is said before anything is run
+    read_batches(options.batch)  # what cannot be read is said before anything is run
     runs, objects = (2, 2) if options.quick else (SEQUENCES, OBJECTS)
 
     def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
@@ -100,7 +99,7 @@ def _bench_faults(options: argparse.Namespace) -> None:
 
 
 def _bench_ablations(options: argparse.Namespace) -> None:
-    from sum_drake.batch import Processes, read_episodes
+    from sum_drake.batch import Processes
     from sum_drake.bench.ablations import FILES, OBJECTS, QUICK_OBJECTS, QUICK_RUNS, RUNS, VARIANTS, bench_ablations
     from sum_drake.bench.aims import format_figures
     from sum_drake.doctor import require_rendering
@@ -110,8 +109,6 @@ def _bench_ablations(options: argparse.Namespace) -> None:
     check_count("--seed", options.seed, 0)
     check_count("--runs", options.runs)
     check_free(options.out, FILES, force=True, what="bench")
-    if options.default is not None:
-        read_episodes(options.default)
     runs, objects = (QUICK_RUNS, QUICK_OBJECTS) if options.quick else (options.runs or RUNS, OBJECTS)
 
     def prepared(text: str) -> "tuple[list[EpisodeSpec], dict[str, Any]]":
