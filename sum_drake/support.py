@@ -96,7 +96,7 @@ def _near(normals: Array, points: Array, known: Plane, p_CQ: Array) -> NDArray[n
 
 
 def _around(frame: Frame, box: Box, margin: float, inside: bool = True) -> Array:
-    """p_CQ (n, 3) of what was observed around a box, and in it, thinned out."""
+    """p_CQ (n, 3) of what was observed around a box, and inside it if that is wanted, thinned out."""
     x, y, w, h = box
     camera = frame.camera
     left, top = max(0, int(x - margin * w)), max(0, int(y - margin * h))

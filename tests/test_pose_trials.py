@@ -33,11 +33,13 @@ def test_the_detectors_boxes_are_about_what_is_seen_of_the_objects():
     exact = DepthRenderer(CATALOGUE, faces=20_000)
     scene = trial_scene(CATALOGUE, exact, load_detector(None, labels=CATALOGUE.labels), pose_trials.FIRST)
     assert len(scene.instances) >= 4
+    overlaps = []
     for one in scene.instances:
-        assert 0 < one.visible_share <= 1 and not one.wrong_box
         whole = predicted_box(np.asarray(CATALOGUE[one.label].load_mesh().vertices), one.X_WO, scene.frame)
-        if one.visible_share > 0.95:
-            assert iou(one.box, whole)[0, 0] > 0.5
+        overlaps.append((one.visible_share, iou(one.box, whole)[0, 0]))
+    whole_ones = [overlap for share, overlap in overlaps if share > 0.95]
+    assert len(whole_ones) >= 2 and min(whole_ones) > 0.5, overlaps
+    assert all(overlap > 0.3 * share for share, overlap in overlaps), overlaps
 
 
 def test_looks_with_the_most_false_positives_are_shown_in_three_pictures():

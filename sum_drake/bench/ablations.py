@@ -46,7 +46,7 @@ VARIANTS: dict[str, tuple[str, str]] = {
     "no_camera_noise": ("depth as it is rendered", "{depth_noise: {enabled: false}}"),
 }
 """Name: in words, and what goes over the scenario."""
-RUNS, FIRST_SEED, OBJECTS = 20, 1000, 5
+RUNS, OBJECTS = 20, 5
 QUICK_RUNS, QUICK_OBJECTS = 1, 1
 FILES = ("results.json", "report.html", *VARIANTS)
 FIGURES = (

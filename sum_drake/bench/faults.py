@@ -29,7 +29,7 @@ AIMS: Aims = {
     "missorted": ("at most", 0),
     "dealt_with_within_2": ("at least", 0.9),
 }
-FIRST_SEED, RUNS = 700, 10
+RUNS = 10
 SCENARIO = "faults"
 
 

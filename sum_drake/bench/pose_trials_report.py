@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from sum_drake import page
 from sum_drake.bench.pose_figures import DEGREES, PAPER_BOUNDS, PoseRow, curve
-from sum_drake.bench.pose_trials import Corrected
+from sum_drake.bench.pose_trials import OBJECTS, Corrected
 from sum_drake.detection.overlay import MarkedBox, draw_boxes
 from sum_drake.drawing import draw_perception, label_color
 from sum_drake.objects import Catalogue
@@ -38,9 +38,9 @@ def papers_part(
     told = [[f"trials.{name}.{column}" for column in columns] for name in methods]
     parts = [
         title,
-        f"<p>{count(scenes, 'scene')} of eight objects, {count(trials, 'trial')} each: the share, of the boxes that "
-        "the detector labels rightly with an intersection over union above .5, whose estimate is within a translation "
-        "and a rotation bound. Area: the mean height of a curve. Meshes are off as below.</p>",
+        f"<p>{count(scenes, 'scene')} of {OBJECTS} objects, {count(trials, 'trial')} each: the share, of the boxes "
+        "that the detector labels rightly with an intersection over union above .5, whose estimate is within a "
+        "translation and a rotation bound. Area: the mean height of a curve. Meshes are off as below.</p>",
         f'<div class="plots">{"".join(paper_plots(rows, methods))}</div>',
         page.table(
             heads,

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "ablations", "speed")
 """In the order of `bench all`."""
+FIRST_SEEDS = {"sort": 500, "faults": 700, "ablations": 1000}
+"""What each was mended on, and was not, is in benchmarks/seeds.md."""
 ANEW = ("detect", "speed")
 """Those that begin anew where they were cut off."""
 
@@ -32,17 +34,17 @@ def add(benches: Commands) -> None:
     """Declares the commands."""
     text = "sequential sorting: the paper's table beside eight sequences, and figures of larger batches"
     sort = add_command(benches, "sort", _bench_sort, text, "bench sort --out out/sort --batch out/b60")
-    _add_usual(sort, "two sequences of two objects", 500)
+    _add_usual(sort, "two sequences of two objects", FIRST_SEEDS["sort"])
     sort.add_argument(
         "--batch", type=Path, metavar="DIR", action="append", default=[],
         help="folder of `sum-drake batch` whose runs the figures are of; may be given again",
     )  # fmt: skip
     text = "runs in which things go wrong on purpose: does any of it end badly?"
     faults = add_command(benches, "faults", _bench_faults, text, "bench faults --out out/faults")
-    _add_usual(faults, "two runs", 700)
+    _add_usual(faults, "two runs", FIRST_SEEDS["faults"])
     text = "what each ingredient of the whole system is worth, in objects sorted on the same pours"
     worth = add_command(benches, "ablations", _bench_ablations, text, "bench ablations --out out/ablations")
-    _add_usual(worth, "one run of one object each", 1000)
+    _add_usual(worth, "one run of one object each", FIRST_SEEDS["ablations"])
     worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20)")
     worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them, beside the default (default: all)")
     worth.add_argument(
