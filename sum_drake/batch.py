@@ -17,11 +17,11 @@ from typing import Any, Protocol
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.batch_figures import batch_figures, causes, losses
-from sum_drake.bench.resumed import different
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
 from sum_drake.files import PART, alone
+from sum_drake.fingerprint import different
 from sum_drake.jsonio import write_json
 
 SCHEMA = "sum-drake/batch/1"

@@ -7,8 +7,8 @@ from typing import Any
 from sum_drake import page
 from sum_drake.batch import read_batch
 from sum_drake.batch_figures import Row, paired_difference, pairs
-from sum_drake.bench.resumed import different
 from sum_drake.files import write_whole
+from sum_drake.fingerprint import different
 from sum_drake.report_parts import seconds
 
 SURE = 0.05

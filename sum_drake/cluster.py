@@ -7,8 +7,8 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.bench.resumed import code
 from sum_drake.episodes import Episode, EpisodeSpec, lost, run_episode
+from sum_drake.fingerprint import code
 
 CONNECT_S = 20.0
 """How long the scheduler may take to answer, seconds."""

@@ -15,9 +15,9 @@ from sum_drake.batch import Executor, check_batch, made_by, read_batch, read_epi
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.bench.aims import number
 from sum_drake.bench.results import write_results
-from sum_drake.bench.resumed import different
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
+from sum_drake.fingerprint import different
 
 DEFAULT = "default"
 VARIANTS: dict[str, tuple[str, str]] = {

@@ -28,8 +28,9 @@ from sum_drake.bench.plan_sets import KINDS as SETS
 from sum_drake.bench.plan_sets import fetch_robot
 from sum_drake.bench.plan_solve import Solved, revalidated, solve, warm_up
 from sum_drake.bench.results import write_results
-from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, Task, run_tasks
 from sum_drake.files import write_whole
+from sum_drake.fingerprint import code_and_meshes
 from sum_drake.jsonio import encode
 from sum_drake.objects import Catalogue
 from sum_drake.planning_problems import PlanningProblem, load_problems

@@ -8,8 +8,9 @@ from typing import Any
 
 from sum_drake.assets import InputError
 from sum_drake.bench.plan_solve import Solved, solve, warm_up
-from sum_drake.bench.resumed import Progress, RowLog, code, digest, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, run_tasks
 from sum_drake.doctor import device, versions
+from sum_drake.fingerprint import code, digest
 from sum_drake.jsonio import encode, write_json
 from sum_drake.planning_problems import PlanningProblem, load_problems
 from sum_drake.urdf import collision_meshes

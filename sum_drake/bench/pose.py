@@ -22,13 +22,14 @@ from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, PAPER_METHO
 from sum_drake.bench.pose_report import report_page
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
 from sum_drake.bench.results import write_results
-from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, Task, run_tasks
 from sum_drake.bench.watching import Tables
 from sum_drake.detection.inference import Detector, load_detector
 from sum_drake.estimates import pose_probability
 from sum_drake.files import write_whole
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
+from sum_drake.fingerprint import code_and_meshes
 from sum_drake.objects import Catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
 from sum_drake.rendering import DepthRenderer

@@ -17,12 +17,13 @@ from sum_drake.bench.pose_scenes import FIRST_SCENE, other_meshes
 from sum_drake.bench.reject_figures import figures
 from sum_drake.bench.reject_report import report_page
 from sum_drake.bench.results import write_results
-from sum_drake.bench.resumed import Progress, RowLog, Task, code_and_meshes, run_tasks
+from sum_drake.bench.resumed import Progress, RowLog, Task, run_tasks
 from sum_drake.bench.sequences import FAULTS, Followed, run_sequence
 from sum_drake.bench.watching import Setting, Tables, setting
 from sum_drake.detection.inference import load_detector
 from sum_drake.files import write_whole
 from sum_drake.filter_config import filter_config
+from sum_drake.fingerprint import code_and_meshes
 from sum_drake.jsonio import encode
 from sum_drake.objects import Catalogue
 

@@ -63,8 +63,8 @@ def prepare(
     """The episodes of a scenario with so many seeds, and the settings that they have in common."""
     import hashlib
 
-    from sum_drake.bench.resumed import code_and_meshes
     from sum_drake.episodes import EpisodeSpec
+    from sum_drake.fingerprint import code_and_meshes
     from sum_drake.systems.scenario import catalogue_of, dump_scenario
 
     text, seedless = (dump_scenario(one) for one in (scenario, dataclasses.replace(scenario, random_seed=0)))

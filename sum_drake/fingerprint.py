@@ -1,0 +1,52 @@
+"""What tells results of other versions apart: of the program, of the data that come with it, of the objects."""
+
+import hashlib
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sum_drake.objects import Catalogue
+
+PACKAGE = Path(__file__).parent
+DATA = (".json", ".mtl", ".obj", ".safetensors", ".sdf", ".urdf", ".xml", ".yaml")
+"""Suffixes of models, problems, scenes, scenarios and weights; pictures on objects are left out."""
+
+
+def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
+    """Settings that tell versions of the program, of what comes with it and of the objects apart."""
+    meshes = [catalogue.path]
+    for model in catalogue.models:
+        meshes += [model.mesh, *model.collision, *([] if model.sdf is None else [model.sdf])]
+    return {"catalogue": catalogue.path.name, "meshes": digest(meshes), "models": models(), "code": code()}
+
+
+def code(package: Path = PACKAGE) -> str:
+    """What tells versions of the program apart."""
+    return digest(_inside(package, (".py",)))
+
+
+def models(package: Path = PACKAGE) -> str:
+    """What tells versions of the data that come with the program apart."""
+    return digest(_inside(package / "models", DATA))
+
+
+def _inside(folder: Path, suffixes: Sequence[str]) -> list[Path]:
+    """Files in a folder and below; in a checkout, `systems` and `models` are links, which a glob does not follow."""
+    found = [Path(at, name) for at, _, names in os.walk(folder, followlinks=True) for name in names]
+    return sorted(file for file in found if file.suffix in suffixes)
+
+
+def digest(files: Sequence[Path]) -> str:
+    """Sixteen digits that tell the contents of files apart."""
+    return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()[:16]
+
+
+def different(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+    """In words, which settings differ; what is told apart by a digest says nothing to a reader."""
+    words = {
+        "code": "another version of the program", "meshes": "other meshes", "models": "other models",
+        "scenario": "another scenario",
+    }  # fmt: skip
+    keys = [key for key in settings if begun.get(key) != settings[key]]
+    return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
