@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sum_drake.explaining import UNEXPLAINED
 from sum_drake.geometry import apply, rotation_angle, transform
@@ -15,9 +16,10 @@ from sum_drake.lifting import dragged
 from sum_drake.making_way import been, failed, worn_out
 from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
+from sum_drake.pick_phases import unexplained
 from sum_drake.picking import Infeasible, PickPlan, plan_pick_place
 from sum_drake.placing import PlacingConfig, free_places, is_area
-from sum_drake.planning_scene import PlanningScene
+from sum_drake.planning_scene import PlanningScene, solid_of
 from sum_drake.prospects import Prospect
 from sum_drake.resting import outside
 from sum_drake.standing import EXPLAINED, distances, owners, standing_points, thin
@@ -45,6 +47,8 @@ class Now(Immutable):
     believed: tuple[Track, ...]
     off: Mapping[int, Array]
     """Track id -> (m,): distance of each point from that object."""
+    loose: NDArray[np.bool_]
+    """(m,): which of the points no believed object explains."""
     hidden_W: Array
     """(k, 3): where what nothing explains may run on unseen."""
 
@@ -80,10 +84,10 @@ class Attempting:
         points_W = standing_points(perception.frame, self._regions["table"], self._config.clear_height)
         believed = tuple(track for track in perception.posterior.tracks if track.accepted)
         off = {track.id: distances(points_W, self._catalogue[track.label], track.X_WO) for track in believed}
-        loose_W = points_W[np.all([np.full(len(points_W), True), *(d > EXPLAINED for d in off.values())], axis=0)]
-        bodies = [(self._catalogue[track.label], track.X_WO) for track in believed]
-        hidden_W = hidden_between(perception.frame, loose_W, bodies, EXPLAINED)
-        return Now(perception, attempts, q, points_W, believed, off, hidden_W)
+        loose = np.all([np.full(len(points_W), True), *(distance > EXPLAINED for distance in off.values())], axis=0)
+        bodies = [solid_of(self._catalogue[track.label], track.X_WO) for track in believed]
+        hidden_W = unexplained(hidden_between(perception.frame, points_W[loose]), bodies, EXPLAINED)
+        return Now(perception, attempts, q, points_W, believed, off, loose, hidden_W)
 
     def goal_of(self, label: str) -> str:
         """The region that a label belongs in, or "leave"."""

@@ -67,8 +67,11 @@ class Carrying:
         """Up, around everything to above where the object was taken from, and down to there, where it is let go.
 
         Then the hand goes back as it came, which was free. An object that cannot be brought away is not dropped on the
-        floor: from where it was it may be taken by another grasp. Raises RuntimeError where there is no such way.
+        floor: from where it was it may be taken by another grasp. Raises RuntimeError where there is no such way, and
+        over its bin, in which it is better off.
         """
+        if self._is_over_bin:
+            raise RuntimeError("it is over its bin")
         came = {segment.name: segment for segment in self.plan.pick.segments}
         segments = (
             *self._over(came["lift"].trajectory.positions[-1]),
@@ -85,7 +88,7 @@ class Carrying:
         return self.bin is not None and self.bin.holds(self._p_WO)
 
     @property
-    def is_over_bin(self) -> bool:
+    def _is_over_bin(self) -> bool:
         """Whether it is over its bin, or in it."""
         off = None if self.bin is None else np.abs(self._p_WO - self.bin.p_W)[:2] - self.bin.half_extents[:2]
         return off is not None and bool((off <= 0).all())

@@ -118,15 +118,6 @@ def penetration(a: Track, b: Track, catalogue: "Catalogue") -> float:
     return max(0.0, _depth(_surface(of_b), X_AB, of_a), _depth(_surface(of_a), inverse(X_AB), of_b))
 
 
-def inside(points_W: Array, model: ObjectModel, X_WO: Array, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Which of the points (n, 3) lie in an object's body, or within about `margin` of it, metres."""
-    p_O = apply(inverse(X_WO), points_W)
-    found = np.zeros(len(p_O), dtype=bool)
-    for half in _pieces(model):
-        found |= ((p_O @ half[:, :3].T + half[:, 3]) <= margin).all(axis=1)
-    return found
-
-
 def _depth(points: Array, X_AB: Array, into: ObjectModel) -> float:
     p_A = apply(X_AB, points)
     # Within a convex piece a point is as deep as its nearest face.

@@ -5,7 +5,6 @@ where it goes through.
 """
 
 import itertools
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from sum_drake.consistency import inside
-from sum_drake.geometry import apply, inverse
-from sum_drake.objects import ObjectModel
+from sum_drake.standing import sights, thin
 from sum_drake.types import Array, Frame
 
 CELL = 0.008
@@ -30,20 +27,15 @@ POINTS = 60
 """Of a part, from which lines are drawn."""
 
 
-def hidden_between(frame: Frame, points_W: Array, bodies: Sequence[tuple[ObjectModel, Array]], margin: float) -> Array:
+def hidden_between(frame: Frame, points_W: Array) -> Array:
     """(m, 3): points in W on straight lines between parts, that cannot be seen on any of their way.
 
-    points_W: (n, 3), observed, of nothing that is believed; bodies: what is, at X_WO (4, 4): nothing else is in them,
-    or within `margin` of them, metres.
+    points_W: (n, 3), observed, of nothing that is believed. Lines may lead through what hides them.
     """
     lines = [np.empty((0, 3))]
     for a, b in itertools.combinations(_parts(_one_a_cell(points_W)), 2):
-        lines.append(_hidden_lines(frame, _thin(a), _thin(b)))
-    found = _one_a_cell(np.concatenate(lines))
-    free = np.ones(len(found), dtype=bool)
-    for model, X_WO in bodies:
-        free &= ~inside(found, model, X_WO, margin)
-    return np.asarray(found[free])
+        lines.append(_hidden_lines(frame, thin(a, POINTS), thin(b, POINTS)))
+    return _one_a_cell(np.concatenate(lines))
 
 
 def _one_a_cell(points: Array) -> Array:
@@ -61,10 +53,6 @@ def _parts(points: Array) -> list[Array]:
     return [one for one in parts if len(one) >= LEAST]
 
 
-def _thin(points: Array) -> Array:
-    return points[:: -(-len(points) // POINTS)]
-
-
 def _hidden_lines(frame: Frame, a: Array, b: Array) -> Array:
     """Points (k, 3) of the lines from one of a (n, 3) to one of b (m, 3) of which all but the ends is hidden."""
     start, end = (part.reshape(-1, 3) for part in np.broadcast_arrays(a[:, None], b[None]))
@@ -80,11 +68,5 @@ def _hidden_lines(frame: Frame, a: Array, b: Array) -> Array:
 
 def _is_hidden(frame: Frame, points_W: Array) -> NDArray[np.bool_]:
     """Which of the points (n, 3) lie behind what was observed; where nothing was, none does."""
-    camera = frame.camera
-    x, y, z = apply(inverse(frame.X_WC), points_W).T
-    z = np.maximum(z, 1e-6)
-    u = np.round(camera.fx * x / z + camera.cx).astype(int)
-    v = np.round(camera.fy * y / z + camera.cy).astype(int)
-    shown = (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    depth = np.where(shown, frame.depth[v.clip(0, camera.height - 1), u.clip(0, camera.width - 1)], 0.0)
+    z, depth = sights(frame, points_W)
     return np.asarray((depth > 0) & (z > depth + BEHIND))

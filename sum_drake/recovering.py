@@ -45,10 +45,8 @@ class Recovering:
         Raises RuntimeError where even then there is none.
         """
         if pick is not None:
-            carrying = self._carrying(perception, pick, q, motion)
             with contextlib.suppress(RuntimeError):
-                if not carrying.is_over_bin:
-                    return carrying.plan_back(motion)
+                return self._carrying(perception, pick, q, motion).plan_back(motion)
         points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
         seen = [(self.catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
         plan = functools.partial(

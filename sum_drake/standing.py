@@ -31,13 +31,22 @@ def table_shown(frame: Frame, table: Region) -> float:
     """Share of the table's top, as far as it lies in the picture, at which there is depth; 0 where none of it does."""
     x, y = np.meshgrid(*(np.linspace(-0.95, 0.95, 24),) * 2)
     spots = np.stack([x, y, np.full_like(x, -1.0)], -1).reshape(-1, 3)
-    p_CQ = apply(inverse(frame.X_WC), table.p_W + table.half_extents * spots)
+    _, depth = sights(frame, table.p_W + table.half_extents * spots)
+    inside = ~np.isnan(depth)
+    return float(np.mean(depth[inside] > 0)) if inside.any() else 0.0
+
+
+def sights(frame: Frame, points_W: Array) -> tuple[Array, Array]:
+    """How far in front of the camera points (n, 3) are, and what depth was observed there: 0 none, NaN out of sight."""
     camera = frame.camera
-    z = np.maximum(p_CQ[:, 2], 1e-6)
-    u = np.round(camera.fx * p_CQ[:, 0] / z + camera.cx).astype(int)
-    v = np.round(camera.fy * p_CQ[:, 1] / z + camera.cy).astype(int)
-    inside = (p_CQ[:, 2] > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    return float(np.mean(frame.depth[v[inside], u[inside]] > 0)) if inside.any() else 0.0
+    x, y, z = apply(inverse(frame.X_WC), points_W).T
+    ahead = np.maximum(z, 1e-6)
+    u = np.round(camera.fx * x / ahead + camera.cx).astype(int)
+    v = np.round(camera.fy * y / ahead + camera.cy).astype(int)
+    inside = (z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    depth = np.full(len(z), np.nan)
+    depth[inside] = frame.depth[v[inside], u[inside]]
+    return z, depth
 
 
 def thin(points: NDArray[Any], count: int) -> NDArray[Any]:

@@ -8,8 +8,6 @@ held is set down elsewhere to be grasped anew. Every object that is not attempte
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from sum_drake.attempting import Attempting, Now
 from sum_drake.existence import LIKELY
 from sum_drake.explaining import parted
@@ -18,7 +16,7 @@ from sum_drake.making_way import MOVE, TO_PLACE, blockers, moves, nearest, worn_
 from sum_drake.picking import PickPlan
 from sum_drake.placing import is_area
 from sum_drake.prospects import POLICIES, Prospect, surest, why
-from sum_drake.standing import EXPLAINED, table_shown
+from sum_drake.standing import table_shown
 from sum_drake.task_config import TaskConfig
 from sum_drake.types import LEAVE, Array, Attempt, Perception, Region, Track
 
@@ -80,10 +78,7 @@ class SortingTask:
         choice, refused = self._choose(now, wanted)
         if choice is not None:
             return dataclasses.replace(choice, refused=tuple(refused))
-        unexplained = np.ones(len(now.points_W), dtype=bool)
-        for track in believed:
-            unexplained &= now.off[track.id] > EXPLAINED
-        count = int(unexplained.sum())
+        count = int(now.loose.sum())
         shown = table_shown(perception.frame, self._regions["table"])
         unseen = [track for track in perception.posterior.tracks if track.seen < perception.step]
         hidden = [track.label for track in unseen if self._may_be_hidden(track, believed)]

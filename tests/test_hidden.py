@@ -11,6 +11,8 @@ from sum_drake.explaining import UNEXPLAINED
 from sum_drake.geometry import apply, rotation_from_vector, transform
 from sum_drake.hidden import hidden_between
 from sum_drake.objects import load_catalogue, sample_surface
+from sum_drake.pick_phases import unexplained
+from sum_drake.planning_scene import solid_of
 from sum_drake.robot import VIEW
 from sum_drake.standing import standing_points
 from sum_drake.types import readonly
@@ -44,7 +46,7 @@ def near(points, label, X_WO, distance):
 
 def test_between_two_ends_that_show_the_middle_may_be(behind):
     X_WO, frame, seen = behind
-    found = hidden_between(frame, seen, [(CATALOGUE["soup_can"], CAN)], 0.012)
+    found = unexplained(hidden_between(frame, seen), [solid_of(CATALOGUE["soup_can"], CAN)], 0.012)
     assert len(found) > 5
     assert near(found, "banana", X_WO, 0.02).mean() > 0.8, "where the banana is"
     assert not near(found, "soup_can", CAN, 0.008).any(), "the can is there, nothing else"
@@ -53,15 +55,14 @@ def test_between_two_ends_that_show_the_middle_may_be(behind):
 
 def test_what_shows_as_a_whole_or_ends_behind_nothing_is_not_continued(behind):
     X_WO, frame, seen = behind
-    bodies = [(CATALOGUE["soup_can"], CAN)]
-    assert len(hidden_between(frame, seen[seen[:, 1] > 0], bodies, 0.012)) == 0, "one part alone"
-    assert len(hidden_between(frame, seen[:0], bodies, 0.012)) == 0
+    assert len(hidden_between(frame, seen[seen[:, 1] > 0])) == 0, "one part alone"
+    assert len(hidden_between(frame, seen[:0])) == 0
     alone, _ = observe(CATALOGUE, {"banana": X_WO})
     whole = standing_points(alone, REGIONS["table"], 0.012)
     gap = whole[np.abs(whole[:, 1]) > 0.03]
-    assert len(hidden_between(alone, gap, [], 0.012)) == 0, "between the ends the table shows, or what is explained"
+    assert len(hidden_between(alone, gap)) == 0, "between the ends the table shows, or what is explained"
     blind = dataclasses.replace(frame, depth=readonly(np.zeros_like(frame.depth)))
-    assert len(hidden_between(blind, seen, bodies, 0.012)) == 0
+    assert len(hidden_between(blind, seen)) == 0
 
 
 def test_the_hand_keeps_clear_of_where_something_may_run_on(behind):

@@ -127,10 +127,8 @@ class _Deciding:
 
     def retreat(self, X_WOs: Poses, q: Array, motion: int, pick: Pick | None) -> Motion:
         if pick is not None:
-            carrying = self._carrying(X_WOs, pick, q)
             with contextlib.suppress(RuntimeError):
-                if not carrying.is_over_bin:
-                    return carrying.plan_back(motion)
+                return self._carrying(X_WOs, pick, q).plan_back(motion)
         plan = functools.partial(
             plan_retreat, arm=self.robot.arm, scene=self.robot.scene, q_now=q, motion_id=motion,
             seed=self.seed, config=self.robot.scenario.pick,
