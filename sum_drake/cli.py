@@ -140,6 +140,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Sequential Scene Understanding and Manipulation with Drake: perceive a poured table and sort it",
         epilog="example: sum-drake sort --seed 1",
     )
+    parser.set_defaults(main=main)  # for a command that runs others
     parser.add_argument("--version", action="version", version=f"sum-drake {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 

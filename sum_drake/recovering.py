@@ -4,12 +4,13 @@ import contextlib
 import dataclasses
 import functools
 from collections.abc import Mapping
+from typing import TypedDict
 
 import numpy as np
 
 from sum_drake.carrying import Carrying
 from sum_drake.kinematics import Arm
-from sum_drake.objects import Catalogue
+from sum_drake.objects import Catalogue, ObjectModel
 from sum_drake.pick_config import PickConfig
 from sum_drake.placing import is_area
 from sum_drake.planning_scene import PlanningScene
@@ -18,6 +19,13 @@ from sum_drake.shaking import plan_shaking
 from sum_drake.standing import not_of, standing_points, thin
 from sum_drake.task import Pick
 from sum_drake.types import Array, Motion, Perception, Region
+
+
+class _Around(TypedDict):
+    """What a way goes around, as planners take it."""
+
+    obstacles: list[tuple[ObjectModel, Array]]
+    points_W: Array
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -47,8 +55,7 @@ class Recovering:
         if pick is not None:
             with contextlib.suppress(RuntimeError):
                 return self._carrying(perception, pick, q, motion).plan_back(motion)
-        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
-        seen = [(self.catalogue[t.label], t.X_WO) for t in perception.posterior.tracks if t.accepted]
+        around = self._around(perception, pick)
         plan = functools.partial(
             plan_retreat,
             arm=self.arm,
@@ -59,7 +66,7 @@ class Recovering:
             config=self.config,
         )
         try:
-            return plan(obstacles=seen, points_W=thin(points_W, self.max_points))
+            return plan(**around)
         except RuntimeError:
             return plan()
 
@@ -72,21 +79,16 @@ class Recovering:
 
     def _carrying(self, perception: Perception, pick: Pick, q: Array, motion: int) -> Carrying:
         region = self.regions[pick.region]
-        model = self.catalogue[pick.track.label]
-        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
-        points_W = not_of(points_W, model, pick.track.X_WO)
-        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
         return Carrying(
             arm=self.arm,
             scene=self.scene,
             plan=pick.plan,
             X_WO=pick.track.X_WO,
-            model=model,
+            model=self.catalogue[pick.track.label],
             q_now=q,
             seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
             config=self.config,
-            obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],
-            points_W=thin(points_W, self.max_points),
+            **self._around(perception, pick),
             bin=None if is_area(region, self.regions["table"]) else region,
         )
 
@@ -95,9 +97,6 @@ class Recovering:
 
         times: how often that was tried before. Raises RuntimeError where there is no free way.
         """
-        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
-        points_W = not_of(points_W, self.catalogue[pick.track.label], pick.track.X_WO)
-        others = [t for t in perception.posterior.tracks if t.accepted and t.id != pick.track.id]
         return plan_shaking(
             arm=self.arm,
             scene=self.scene,
@@ -107,6 +106,17 @@ class Recovering:
             times=times,
             seed=int(np.random.SeedSequence([self.seed, motion]).generate_state(1)[0]),
             config=self.config,
-            obstacles=[(self.catalogue[t.label], t.X_WO) for t in others],
-            points_W=thin(points_W, self.max_points),
+            **self._around(perception, pick),
         )
+
+    def _around(self, perception: Perception, held: Pick | None) -> _Around:
+        """What was seen and believed to stand there, but for what the hand has taken from it."""
+        points_W = standing_points(perception.frame, self.regions["table"], self.clear_height)
+        others = [t for t in perception.posterior.tracks if t.accepted]
+        if held is not None:
+            points_W = not_of(points_W, self.catalogue[held.track.label], held.track.X_WO)
+            others = [t for t in others if t.id != held.track.id]
+        return {
+            "obstacles": [(self.catalogue[t.label], t.X_WO) for t in others],
+            "points_W": thin(points_W, self.max_points),
+        }

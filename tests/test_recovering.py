@@ -89,6 +89,26 @@ def test_the_way_back_with_something_in_the_hand_leads_past_where_it_was_taken(c
     assert RECOVERING.retreat(blocked, q, 7, pick).segments[0].name == "open"
 
 
+def test_what_is_held_is_not_gone_around_where_it_was_taken(can_seen, pick):
+    """It cannot be put back; that it is still believed there must not cost the way around everything else."""
+    q = timing.evaluate(pick.plan.place.segments[0].trajectory, 0.4)[0]
+    at_home, on_the_way = np.eye(4), np.eye(4)
+    at_home[:3, 3] = ARM.forward(VIEW)[:3, 3]
+    straight = RECOVERING.retreat(see({}, [believe("soup_can", at_home)]), q, 7)
+    back = straight.segments[-1].trajectory
+    on_the_way[:3, 3] = ARM.forward(timing.evaluate(back, back.times[-1] / 2)[0])[:3, 3]
+    place = standing(CATALOGUE, "tide", 0.6, 0.05)
+    held = dataclasses.replace(pick, track=dataclasses.replace(pick.track, X_WO=at_home))
+    others = [believe("tide", place, 3), believe("mustard", on_the_way, 4)]
+    motion = RECOVERING.retreat(see({}, [held.track, *others]), q, 7, held)
+    assert_returns(motion, q)
+    assert motion.segments[0].name == "open"
+    among = SCENE.with_solids([solid_of(CATALOGUE[track.label], track.X_WO) for track in others])
+    assert not among.free_many(timing.sample(back, 0.01)).all()
+    for segment in motion.segments:
+        assert among.free_many(timing.sample(segment.trajectory, 0.01)).all(), segment.name
+
+
 def test_what_was_stopped_over_its_bin_is_let_go_there(can_seen, pick):
     """What lies in the bin is met on every way; brought back to the table it would be no better off."""
     way = pick.plan.place.segments[0].trajectory

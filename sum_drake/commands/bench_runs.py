@@ -155,8 +155,6 @@ def _run(
 
 def _bench_all(options: argparse.Namespace) -> None:
     """Those whose results are there are not done again."""
-    from sum_drake.cli import main
-
     check_count("--workers", options.workers)
     failed = []
     for name in BENCHES:
@@ -169,7 +167,7 @@ def _bench_all(options: argparse.Namespace) -> None:
         arguments += [] if name == "speed" else ["--workers", str(options.workers)]
         arguments += ["--quiet"] if options.quiet else []
         print(f"sum-drake {' '.join(arguments)}", file=sys.stderr, flush=True)
-        code = main(arguments)
+        code = options.main(arguments)
         if code == 130:
             raise KeyboardInterrupt("the same command goes on")
         if code != 0:
