@@ -31,6 +31,8 @@ class Shown:
     """(n, k) or (n, 1)."""
 
 
+_DIRECTIONS = 400
+"""In which outermost points are looked for, some 10 degrees apart."""
 _POINTS = 200_000
 """Points of all particles together that are looked at in a step, when points are looked up."""
 
@@ -42,6 +44,8 @@ class Appearance(Protocol):
     """(3,): the object's middle, that particles are the poses of."""
     radius: float
     """Of a ball about M that holds the object, metres."""
+    p_MQs: Tensor
+    """(k, 3): its outermost points, on the CPU."""
     X_MNs: Array
     """(k, 4, 4): motions after which the object looks nearly as before."""
 
@@ -56,6 +60,7 @@ class ViewedFromAllSides:
         surface = see_surface(vertices, faces)
         self.X_MNs, _ = near_symmetries(vertices, faces, surface.p_OM)
         self.p_OM, self.radius = surface.p_OM, surface.radius
+        self.p_MQs = _outermost(vertices, self.p_OM)
         self._views = _view_table(len(surface.directions), device)
         # (views, 3, k): all x lie together, which is several times faster to gather and to count.
         self._points = torch.tensor(surface.points, device=device).transpose(1, 2).contiguous()
@@ -128,6 +133,7 @@ class RenderedAnew:
         self.X_MNs = np.zeros((0, 4, 4))
         self._atlas = Atlas(vertices, faces, tile=tile, columns=columns, limit=limit)
         self.p_OM, self.radius = self._atlas.p_OM, self._atlas.pixel * tile / 2.02
+        self.p_MQs = _outermost(vertices, self.p_OM)
 
     @property
     def rendered(self) -> int:
@@ -144,6 +150,12 @@ class RenderedAnew:
         p_CPs = torch.bmm(R_CVs.to(self._device), p_VPs.transpose(1, 2))
         p_CPs = (p_CPs + p_CMs.to(self._device)[..., None]).transpose(1, 2)
         return Shown(p_CPs, None, areas * self._atlas.pixel**2)
+
+
+def _outermost(vertices: Array, p_OM: Array) -> Tensor:
+    """Of vertices (v, 3), those that lie farthest out in some direction, about M: what touches a plane, nearly."""
+    farthest = np.unique((fibonacci_sphere(_DIRECTIONS) @ vertices.T).argmax(axis=1))
+    return torch.from_numpy(vertices[farthest] - p_OM).float()
 
 
 def _rays(p_CMs: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ from sum_drake.assets import InputError
 FILTERS = ("default", "paper")
 """Names of the presets."""
 
-INGREDIENTS = ("close", "contradicted", "sides", "edges", "near_symmetries")
+INGREDIENTS = ("close", "contradicted", "sides", "edges", "near_symmetries", "table")
 """What a filter of our own can be `without`."""
 _CHOICES = {"render": ("views", "each"), "start": ("surface", "uniform"), "score": ("difference", "inliers")}
 

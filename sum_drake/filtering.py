@@ -40,7 +40,7 @@ from sum_drake.posterior import sample_posterior
 from sum_drake.rendering import DepthRenderer
 from sum_drake.search import Sought, Watch, rivals, score, search, start
 from sum_drake.sensor import DepthNoiseConfig
-from sum_drake.support import support_plane, table_plane
+from sum_drake.support import Ground, support_plane, table_plane
 from sum_drake.types import Array, Box, Frame, Immutable, PoseBelief, Region, readonly
 
 if TYPE_CHECKING:
@@ -168,14 +168,16 @@ class PoseEstimator:
         tolerance = depth_tolerance(self._noise, frame.camera, z) if config.sensor else PERFECT
         if "edges" in config.without:
             tolerance = dataclasses.replace(tolerance, jump=np.inf, bleed=0)
-        plane = None
+        plane, ground = None, None
         if config.support:
             known = None if table is None else table_plane(frame, box, table)
             plane = support_plane(frame, box, rng, tolerance=tolerance.plane, known=known)
+            if table is not None and known is not None and plane is not None and "table" not in config.without:
+                ground = Ground(plane, frame.X_WC, table)
         observation = observe(frame, box, tolerance=tolerance, plane=plane).to(self._appearances.device)
         if observation.n < max(tolerance.least_points, 1):
             return _nothing_seen(frame, box, model, prior, rng, config.particles_last)
-        sought = Sought(observation, model, self._catalogue[label].symmetry, config)
+        sought = Sought(observation, model, self._catalogue[label].symmetry, config, ground)
 
         def seen(particles: Particles, scores: Tensor) -> None:
             if watch is not None:
@@ -226,7 +228,8 @@ class PoseEstimator:
         effective = 1.0 / (float((weights**2).sum()) * len(weights))
         looked_at = sought.observation.to("cpu")
         counts = self._exact(looked_at, label, sought.model, best)
-        return _Outcome(particles, weights, effective, best, torch.ones(1), 0, counts, looked_at)
+        best_score = log_likelihood(counts, looked_at)
+        return _Outcome(particles, weights, effective, best, best_score, torch.ones(1), 0, counts, looked_at)
 
     def _among_rivals(
         self,
@@ -245,7 +248,8 @@ class PoseEstimator:
         modes = rivals(sought, particles, scores)
         looked_at = thinned(sought.observation).to("cpu")
         counts = self._exact(looked_at, label, sought.model, modes)
-        logs = BELIEF * log_likelihood(counts, looked_at, sought.weights).double()
+        found = log_likelihood(counts, looked_at, sought.weights) + sought.log_prior(modes)
+        logs = BELIEF * found.double()
         if held is not None:
             logs = logs + torch.log(1 - config.prior_trust + config.prior_trust * _held_near(sought, modes, held))
         shares = torch.softmax(logs, 0)
@@ -260,7 +264,7 @@ class PoseEstimator:
             rng=rng,
         )
         weights = torch.full((len(particles),), 1.0 / len(particles))
-        return _Outcome(particles, weights, effective, modes, shares, chosen, counts, looked_at)
+        return _Outcome(particles, weights, effective, modes, found, shares, chosen, counts, looked_at)
 
     def _exact(self, observation: Observation, label: str, model: Appearance, particles: Particles) -> Counts:
         """Counts from a render of each pose by itself, at the observation's own pixels."""
@@ -289,6 +293,8 @@ class _Outcome:
     effective: float
     modes: Particles
     """(m,)."""
+    scores: Tensor
+    """(m,): log-likelihoods of the modes, times their priors."""
     shares: Tensor
     """(m,): probabilities of the modes."""
     chosen: int
@@ -306,8 +312,8 @@ class _Outcome:
 
     @property
     def best(self) -> float:
-        """Log-likelihood of the estimate, to be compared with that of another search in the same observation."""
-        return float(log_likelihood(self.of_chosen, self.looked_at)[0])
+        """The estimate's score, to be compared with that of another search in the same observation."""
+        return float(self.scores[self.chosen])
 
     def likelihood(self, config: FilterConfig) -> float:
         """Of the estimate, in [0, 1]."""

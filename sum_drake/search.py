@@ -32,6 +32,7 @@ from sum_drake.likelihood import (
 )
 from sum_drake.modes import distinct, tempered
 from sum_drake.particles import Particles, join, resampled, turn
+from sum_drake.support import Ground
 from sum_drake.types import Array, Immutable
 
 
@@ -44,6 +45,14 @@ class Sought(Immutable):
     symmetry: Symmetry
     """As the catalogue tells it."""
     config: FilterConfig
+    ground: Ground | None = None
+    """What it cannot reach into, if that is known."""
+
+    def log_prior(self, particles: Particles) -> Tensor:
+        """Of poses, (n,), before anything of them is seen, up to a constant."""
+        if self.ground is None:
+            return torch.zeros(len(particles))
+        return self.ground.log_prior(particles, self.model.p_MQs)
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -142,12 +151,14 @@ def _moved(sought: Sought, particles: Particles, share: float, rng: np.random.Ge
 
 
 def score(sought: Sought, particles: Particles, epsilon: float, *, soft: bool = True) -> Tensor:
-    """Log-likelihood of particles, (n,), on the CPU. soft: as of `count`, for all but the published score."""
+    """Log-likelihood of particles times their prior, (n,), on the CPU, up to a constant; the published score is without
+    a prior. soft: as of `count`, for all but the published score.
+    """
     observation, shown = sought.observation, sought.model.show(particles)
     if sought.config.score == "inliers":
         return paper_likelihood(count(observation, shown.p_CPs, shown.areas, epsilon), observation.n).log().cpu()
     counts = count(observation, shown.p_CPs, shown.areas, epsilon, soft=soft)
-    return log_likelihood(counts, observation, sought.weights).cpu()
+    return log_likelihood(counts, observation, sought.weights).cpu() + sought.log_prior(particles)
 
 
 def rivals(sought: Sought, particles: Particles, scores: Tensor) -> Particles:

@@ -1,15 +1,19 @@
 """The plane that things stand on, where depth shows one: what lies in it is none of them, and they end above it.
 
 A bottle that lies in the table top explains the bare table well. Told what the table is, the likelihood does not ask
-for it to be explained. Among clutter little of a table shows: one that is known is taken for it there.
+for it to be explained. Among clutter little of a table shows: one that is known is taken for it there. Of a table that
+is known it is known, too, that nothing reaches into it with what does not show.
 """
 
 import dataclasses
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from sum_drake.geometry import apply
+from sum_drake.particles import Particles
 from sum_drake.types import Array, Box, Frame, Immutable, Region, readonly
 
 LEAST_SHARE = 0.3
@@ -19,6 +23,10 @@ TRIES, POINTS = 200, 1500
 """Planes tried, on so many points at most."""
 AS_LEVEL, AS_HIGH = np.radians(5.0), 0.02
 """How far a table may be from where it is known to be: turned, radians, and at the box, metres."""
+FREE, SOFT = 0.005, 0.01
+"""What reaches less than the one into a known table is as likely as what stands on it; the other is the standard
+deviation beyond that. Metres; plane, mesh and pose are off by half of it, which a belief follows that is sharpened by
+`likelihood.BELIEF`."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -33,6 +41,35 @@ class Plane(Immutable):
     def height(self, p_CQs: Array) -> Array:
         """Of points (..., 3) above the plane, metres."""
         return np.asarray(p_CQs @ self.normal_C + self.offset)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Ground(Immutable):
+    """The top of a table that is known, where a frame shows it."""
+
+    plane: Plane
+    X_WC: Array
+    """(4, 4)."""
+    table: Region
+
+    def log_prior(self, particles: Particles, p_MQs: Tensor) -> Tensor:
+        """Of poses, (n,), up to a constant: what an object's outermost points p_MQs (k, 3) have to do with the table.
+
+        What is beside the table may hang below its top.
+        """
+        R_COs, p_CMs = particles.R_COs, particles.p_CMs
+        normal_C = torch.tensor(self.plane.normal_C, dtype=torch.float32)
+        heights = (normal_C @ R_COs) @ p_MQs.T + (p_CMs @ normal_C + self.plane.offset)[:, None]
+        depth = torch.zeros(len(particles))
+        low = (heights.amin(1) < -FREE).nonzero()[:, 0]
+        if len(low):
+            X_WC = torch.tensor(self.X_WC, dtype=torch.float32)
+            p_CQs = p_MQs @ R_COs[low].transpose(1, 2) + p_CMs[low, None]
+            p_WQs = p_CQs @ X_WC[:2, :3].T + X_WC[:2, 3]
+            middle, half = (torch.tensor(a[:2], dtype=torch.float32) for a in (self.table.p_W, self.table.half_extents))
+            over = ((p_WQs - middle).abs() < half).all(-1)
+            depth[low] = torch.where(over, -heights[low], 0.0).amax(1)
+        return -(((depth - FREE).clamp(min=0) / SOFT) ** 2) / 2
 
 
 def table_plane(frame: Frame, box: Box, table: Region) -> Plane | None:

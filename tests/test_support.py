@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sum_drake.film import look_at
-from sum_drake.geometry import transform
-from sum_drake.support import Plane, sunk, support_plane, table_plane
+from sum_drake.geometry import inverse, rotation_from_quaternion, transform
+from sum_drake.particles import Particles
+from sum_drake.support import FREE, Ground, Plane, sunk, support_plane, table_plane
 from sum_drake.types import Camera, Frame, Region, readonly
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
@@ -110,3 +112,25 @@ def test_what_hangs_over_the_tables_edge_is_not_sunk_into_it():
     tilted = np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]])  # its lowest corners have the largest x
     assert at(0.5, 0.85, tilted) < at(0.3, 0.85, tilted)
     assert at(2.0, 0.0) == 0.0
+
+
+TOP = Region("table", readonly([0.0, 0.0, 1.0]), readonly([0.5, 0.5, 0.2]))
+POSITIONS = st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.floats(0.7, 1.0))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(POSITIONS, st.tuples(*4 * [st.floats(-1, 1)])), min_size=1, max_size=5))
+def test_a_pose_is_the_less_likely_the_deeper_it_is_sunk_into_a_known_table(drawn):
+    X_WC = look_at(np.array([0.1, -0.5, 1.6]), np.array([0.0, 0.0, 0.8]))
+    ground = Ground(Plane(readonly(X_WC[2, :3]), float(X_WC[2, 3] - 0.8)), X_WC, TOP)
+    corners = np.array([0.05, 0.03, 0.08]) * np.stack(np.meshgrid(*3 * [[-1.0, 1.0]]), -1).reshape(-1, 3)
+    R_WOs = rotation_from_quaternion(np.array([q for _, q in drawn]) + 1e-3)
+    X_WOs = transform(R_WOs, np.array([p for p, _ in drawn]))
+    X_COs = inverse(X_WC) @ X_WOs
+    particles = Particles(*(torch.from_numpy(X_COs[:, :3, i]).float() for i in (slice(0, 3), 3)))
+    told = ground.log_prior(particles, torch.from_numpy(corners).float()).numpy()
+    depths = np.array([sunk(corners, X_WO, TOP) for X_WO in X_WOs])
+    assert (told[depths < FREE] > -1e-4).all()
+    assert (told <= 0).all() and (told[depths > 0.02] < -1).all()
+    order = np.argsort(depths)
+    assert (np.diff(told[order]) <= 1e-3).all()
