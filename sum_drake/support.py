@@ -23,10 +23,9 @@ TRIES, POINTS = 200, 1500
 """Planes tried, on so many points at most."""
 AS_LEVEL, AS_HIGH = np.radians(5.0), 0.02
 """How far a table may be from where it is known to be: turned, radians, and at the box, metres."""
-FREE, SOFT = 0.005, 0.01
-"""What reaches less than the one into a known table is as likely as what stands on it; the other is the standard
-deviation beyond that. Metres; plane, mesh and pose are off by half of it, which a belief follows that is sharpened by
-`likelihood.BELIEF`."""
+FREE, SOFT = 0.01, 0.005
+"""What reaches less than the one into a known table is as likely as what stands on it, since plane, mesh and pose may
+be off; the other is the standard deviation beyond that, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
