@@ -31,8 +31,8 @@ ROLL = 1.0
 """The wrist rolls so far to either side, radians: what slides around a finger slides down it, too."""
 WEIGHING = 0.6
 """How long the arm rests over the place before it turns the hand, seconds."""
-AT_END = 0.05
-"""How far it may be from where its place ended, radians and metres, to go back from there."""
+ON_WAY = 0.05
+"""How far it may be from the way that it came by, radians and metres, to go back by it."""
 DOWN = readonly([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """R_WG of a hand that points down."""
 
@@ -50,17 +50,17 @@ def plan_shaking(
     obstacles: Sequence[tuple[ObjectModel, Array]] = (),
     points_W: Array | None = None,
 ) -> Motion:
-    """Over to where `plan` let go, the open hand turned down and rolled there, and back to q_now (8,).
+    """From q_now (8,) over to where `plan` let go, the open hand turned down and rolled there, and back to the view.
 
-    It goes as it came, backwards, since what hangs on the hand has hung on it all that way; `weigh` is a rest there, in
-    which it can be felt whether it does still. times: how often that was tried before, less than SHAKES. Raises
-    RuntimeError where there is no such way.
+    q_now is where the arm came to, or where it was stopped on its way. It goes as it came, backwards, since what hangs
+    on the hand has hung on it all that way; `weigh` is a rest there, in which it can be felt whether it does still.
+    times: how often that was tried before, less than SHAKES. Raises RuntimeError where there is no such way.
     """
     others = [solid_of(other, X) for other, X in obstacles]
     points = unexplained(np.empty((0, 3)) if points_W is None else points_W, others, config.explained)
     bare = scene.with_solids((*others, *solids_of_points(points, size=config.point_size)))
     came = plan.place.segments[-1]
-    back = _turned(came.trajectory, q_now)
+    there, back = _ways(came.trajectory, q_now, config.speed)
     q_there = back.positions[0]
     around = padded(bare, config).with_gap(came.gap)
     wide = around.with_gap(HAND.gap_max)
@@ -78,31 +78,35 @@ def plan_shaking(
             continue
         turning, q = timed(around, way.qs, config.speed), way.qs[-1]
         segments = (
-            Segment("shake", _backwards(back), came.gap),
+            Segment("shake", there, came.gap),
             Segment("weigh", timing.rest(q_there, WEIGHING), came.gap),
             Segment("shake", turning, came.gap),
             Segment("shake", timing.time_path(_rolled(q), speed=config.speed), GAPS[times]),
             opening(q, came.gap, config),
-            Segment("shake", _backwards(turning), came.gap),
+            Segment("shake", timing.reverse(turning), came.gap),
             Segment("return", back, came.gap),
         )
         return Motion(motion_id, segments)
     raise RuntimeError(f"no free way to shake off what hangs on the hand: {reason}")
 
 
-def _turned(trajectory: Trajectory, q_end: Array) -> Trajectory:
-    """A trajectory to q_end (8,), give or take full turns of joints that turn without end, without these."""
-    ends = nearest_turns(trajectory.positions[-1], q_end)
-    if np.abs(ends - q_end).max() > AT_END:
-        raise RuntimeError("no free way to shake off what hangs on the hand: the arm is not where the place ended")
-    return dataclasses.replace(trajectory, positions=readonly(trajectory.positions + ends - trajectory.positions[-1]))
+def _ways(came: Trajectory, q_now: Array, speed: float) -> tuple[Trajectory, Trajectory]:
+    """Back along the way that the arm came by, from q_now (8,) on it; and that way again, whole.
+
+    Give or take full turns of joints that turn without end.
+    """
+    on_way = timing.sample(came, 0.02)
+    turned = nearest_turns(on_way, q_now)
+    nearest = int(np.abs(turned - q_now).max(axis=1).argmin())
+    if np.abs(turned[nearest] - q_now).max() > ON_WAY:
+        raise RuntimeError("no free way to shake off what hangs on the hand: the arm is not where it came by")
+    turns = turned[nearest] - on_way[nearest]
+    back = dataclasses.replace(came, positions=readonly(came.positions + turns))
+    if nearest == len(on_way) - 1:
+        return timing.reverse(back), back
+    return timing.time_curve(np.vstack([q_now, (on_way + turns)[nearest::-1]]), speed=speed), back
 
 
 def _rolled(q: Array) -> Array:
     """(5, 8): the wrist to either side of q (8,), and back to it."""
     return np.asarray(q + np.outer([0.0, ROLL, -ROLL, ROLL, 0.0], np.eye(len(q))[-1]))
-
-
-def _backwards(trajectory: Trajectory) -> Trajectory:
-    times = trajectory.times[-1] - trajectory.times[::-1]
-    return Trajectory(readonly(times), readonly(trajectory.positions[::-1]), readonly(-trajectory.velocities[::-1]))

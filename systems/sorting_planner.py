@@ -228,7 +228,9 @@ class SortingPlanner(LeafSystem):
         if not status.stopped:
             return dataclasses.replace(held, phase="weigh", released=True)
         if held.released:
-            return self._go_back(context, dataclasses.replace(held, stopped=status.stopped))
+            # What hangs on the hand has met something, perhaps: it is not to be let fall there.
+            held = dataclasses.replace(held, stopped=status.stopped)
+            return self._shake_off(context, held) or self._go_back(context, held)
         held = dataclasses.replace(held, at_place=self._feel_after(context, status))
         return self._go_on_or_back(context, held, status)
 
@@ -266,17 +268,21 @@ class SortingPlanner(LeafSystem):
         held = dataclasses.replace(held, hangs=self._hangs(context))
         if not held.hangs and held.shakes and not held.hung_there:
             held = dataclasses.replace(held, at_place=Feel())
-        if held.hangs and held.shakes < SHAKES:
-            assert held.pick is not None and held.motion is not None
-            try:
-                motion = self._shake(
-                    self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1, held.shakes
-                )
-            except RuntimeError:  # then it goes on with what there is on its hand
-                pass
-            else:
-                return dataclasses.replace(held, phase="shake", motion=motion, shakes=held.shakes + 1, hung_there=False)
-        return dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
+        look = dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
+        return self._shake_off(context, held) or look
+
+    def _shake_off(self, context: Context, held: _Sorting) -> _Sorting | None:
+        """On its way to shake off what weighs on the hand of the arm, which rests; None: nothing, or it cannot be."""
+        assert held.pick is not None and held.motion is not None
+        if held.shakes == SHAKES or not self._hangs(context):
+            return None
+        try:
+            motion = self._shake(
+                self._perception.Eval(context), held.pick, self._arm(context), held.motion.id + 1, held.shakes
+            )
+        except RuntimeError:
+            return None
+        return dataclasses.replace(held, phase="shake", motion=motion, shakes=held.shakes + 1, hung_there=False)
 
     def _follow_shake(self, context: Context, held: _Sorting) -> _Sorting:
         """Feels whether it still hangs there once the arm rests over the place."""

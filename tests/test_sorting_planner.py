@@ -426,6 +426,24 @@ def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again()
     assert (attempt.reason, attempt.action.hangs) == ("executed", False)
 
 
+def test_an_arm_that_is_stopped_with_something_on_its_hand_goes_to_shake_it_off_not_back():
+    """What hangs there is what was stopped, mostly: on the way back it would fall where it has no business."""
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.run("return")
+    bench.finish("unexpected_effort")
+    assert (bench.shaken, bench.brought_back, bench.out("motion").id) == ([(5, 0)], [], 2)
+    bench.run("shake")
+    bench.run("weigh")
+    bench.run("shake")
+    bench.hand(0.1)
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.hangs, attempt.action.held_place) == ("unexpected_effort", False, True)
+
+
 def test_what_falls_off_the_hand_before_it_is_over_the_place_was_lost_on_the_way():
     bench = Bench(Pick(PLAN, TRACK, "bin", ()))
     bench.carried()
