@@ -16,8 +16,8 @@ EVIDENCE = ("detector", "likelihood", "close", "contradicted", "sides", "spread"
 """What speaks for and against a hypothesis, see `evidence`."""
 SIGNS = (1, 1, 1, -1, -1, -1, -1, -1)
 """Which way each may count, whatever is learned."""
-INTERCEPT = -7.38
-WEIGHTS = (0.39, 2.49, 4.29, -9.63, -0.45, -1.1, -0.65, -3.93)
+INTERCEPT = -8.39
+WEIGHTS = (0.39, 2.52, 4.78, -10.27, -0.33, -1.23, -0.82, -4.08)
 MISSED = 2.2
 """Logarithm of how much rarer a detector misses what it detected before, and can be seen, if it is real."""
 PRESENCE = (0.0, 8.0, -8.0)
