@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sum_drake.appearance import Appearances, RenderedAnew, ViewedFromAllSides, _view_table
@@ -27,7 +27,6 @@ def some(n: int, seed: int = 0) -> Particles:
     return Particles(torch.from_numpy(R_COs).float(), torch.from_numpy(p_CMs).float())
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_view_that_is_looked_up_is_as_good_as_the_nearest(seed: int) -> None:
     directions = fibonacci_sphere(1000)

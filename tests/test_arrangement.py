@@ -30,7 +30,7 @@ def lowest(body: Body, X_WO: Array) -> float:
     return float(points[over, 2].min() - TABLE) if over.any() else np.inf
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 8))
 def test_what_is_poured_lies_on_the_table_and_not_in_it(seed: int, count: int) -> None:
     bodies = [KINDS[i % 3] for i in range(count)]
@@ -79,7 +79,7 @@ def test_nothing_poured_is_nothing() -> None:
     assert pour([], GROUND, np.random.default_rng(0)) == [] == toss([], GROUND, np.random.default_rng(0))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 15))
 def test_what_is_tossed_is_over_its_region_and_hardly_touches(seed: int, count: int) -> None:
     bodies = [KINDS[i % 3] for i in range(count)]

@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sum_drake.boxes import distance, measured, pixels_around, pixels_in
@@ -13,7 +13,6 @@ def frame(depth):
     return Frame(0, np.zeros((48, 64, 3), np.uint8), readonly(depth, np.float32), CAMERA, readonly(np.eye(4)))
 
 
-@settings(deadline=None)
 @given(boxes)
 def test_a_box_holds_the_pixels_whose_centres_are_in_it(box):
     x, y, w, h = box

@@ -23,7 +23,7 @@ PLANT = make_plant()
 
 
 @given(st.floats(0, 0.386), st.floats(-1.57, 1.57), st.floats(-0.76, 1.45), st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_it_is_the_forward_kinematics_of_the_model(torso, pan, tilt, seed):
     context = PLANT.CreateDefaultContext()
     PLANT.SetPositions(context, np.random.default_rng(seed).uniform(-1, 1, PLANT.num_positions()))

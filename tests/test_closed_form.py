@@ -22,7 +22,7 @@ def positions(seed):
     return q
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_there_are_eight_ways_and_the_one_that_made_the_pose_is_among_them(seed):
     q = positions(seed)
@@ -36,7 +36,7 @@ def test_there_are_eight_ways_and_the_one_that_made_the_pose_is_among_them(seed)
     assert (turns <= np.pi + 1e-9).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_limits_leave_out_what_is_beyond_them_and_nothing_else(seed):
     q = positions(seed)

@@ -62,7 +62,7 @@ def test_links_are_where_forward_kinematics_has_them(scenes):
         np.testing.assert_allclose(hand, arm.forward(q), atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=SEEDS)
 def test_a_free_edge_is_free_everywhere_and_a_step_finds_what_is_in_the_way(scenes, seed):
     scene, rng = scenes["padded"], np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def hull_points(bodies, i):
     return np.concatenate([rim, rim * [1, 1, -1]])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=SEEDS)
 def test_no_point_of_a_link_moves_faster_than_is_reckoned_with(scenes, seed):
     model, rng = scenes["bare"].model, np.random.default_rng(seed)

@@ -31,7 +31,7 @@ def hull_distance(p_Ws, p_Wt):
     return float(np.sqrt(max(found.fun, 0.0)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=SEEDS)
 def test_hulls_are_as_far_apart_as_a_quadratic_programme_says(seed):
     rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def test_hulls_are_as_far_apart_as_a_quadratic_programme_says(seed):
     assert distance(bodies, 1, X_W1, 0, X_W0) == pytest.approx(found, abs=1e-3 * expected + 2e-5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=SEEDS)
 def test_spheres_are_points_that_are_swollen(seed):
     rng = np.random.default_rng(seed)
@@ -57,7 +57,7 @@ def test_spheres_are_points_that_are_swollen(seed):
     assert found == pytest.approx(apart, rel=2e-3, abs=1e-3) if apart > 1e-6 else found <= 1e-6
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=SEEDS)
 def test_a_cylinder_lies_between_the_prisms_within_and_about_it(seed):
     rng = np.random.default_rng(seed)
@@ -73,7 +73,7 @@ def test_a_cylinder_lies_between_the_prisms_within_and_about_it(seed):
     assert about * (1 - 2e-3) - 1e-6 <= exact <= within * (1 + 2e-3) + 1e-6
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(seed=SEEDS, touch=st.floats(0, 0.3))
 def test_what_is_asked_for_is_answered_on_the_safe_side(seed, touch):
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def test_what_is_asked_for_is_answered_on_the_safe_side(seed, touch):
         assert touch < found <= apart * 1.002 + 1e-6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, flat=st.integers(1, 3))
 def test_points_in_a_plane_or_on_a_line_are_bodies_too(seed, flat):
     rng = np.random.default_rng(seed)

@@ -21,7 +21,7 @@ def slope(a: float, b: float, z: float = 1.0) -> np.ndarray:
     return (z / (1 + a * (u / 160 - 0.5) + b * (v / 120 - 0.5))).astype(np.float32)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.integers(0, 1000))
 def test_a_noisy_plane_is_a_plane_wherever_it_leans(a, b, seed):
     noise = np.random.default_rng(seed).normal(0, 0.002, (120, 160))

@@ -17,7 +17,7 @@ def scenery(level: float) -> Picture:
     return np.asarray(level * cv2.resize(noise, (160, 120)), dtype=np.float32)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_picture_depends_on_its_seed_alone(seed: int) -> None:
     a, b = (develop(scenery(0.8), np.random.default_rng(seed)) for _ in range(2))

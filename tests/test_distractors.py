@@ -33,7 +33,7 @@ def welded(shape: Surface) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_shapes_are_closed_and_of_the_size_of_household_things(family: str, seed: int) -> None:
     shape = make_distractor(family, np.random.default_rng(seed))
@@ -44,7 +44,7 @@ def test_shapes_are_closed_and_of_the_size_of_household_things(family: str, seed
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_normals_are_unit_and_point_outwards(family: str, seed: int) -> None:
     shape = make_distractor(family, np.random.default_rng(seed))

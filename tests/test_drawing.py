@@ -88,7 +88,7 @@ def test_the_overlay_lies_on_the_object(catalogue: Catalogue) -> None:
     assert (picture[changed] == label_color("soup_can", catalogue)).all(-1).any()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(st.floats(-3, 3), min_size=3, max_size=3),
     st.lists(st.floats(-2, 2), min_size=3, max_size=3),
@@ -150,7 +150,7 @@ def test_the_hand_of_a_grasp_is_drawn_where_it_was_to_close(catalogue: Catalogue
     assert spans[1] > 1.15 * spans[0]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3), st.lists(st.floats(-2, 2), min_size=3, max_size=3))
 def test_any_grasp_can_be_drawn(w: list[float], p: list[float]) -> None:
     """Beside the picture, behind the camera, at a track that is not known."""
@@ -169,7 +169,7 @@ def test_the_hand_is_the_hands_boxes(gap: float) -> None:
     assert left[:, 1].min() == pytest.approx(gap / 2) and palm[:, 0].max() == pytest.approx(left[:, 0].min())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.02, 0.3), st.floats(0.02, 0.3), st.floats(-1, 1))
 def test_a_footprint_covers_what_the_mesh_covers(a: float, b: float, x: float) -> None:
     corners = np.array([[x, -x, 0], [x + a, -x, 1], [x + a, b - x, 2], [x, b - x, 5]])

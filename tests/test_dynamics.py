@@ -32,7 +32,7 @@ def energy(q, v):
     return v @ M @ v / 2
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(shares, shares, shares)
 def test_the_power_of_the_efforts_is_what_the_motion_gains(share, v, a):
     q, h = joints(share), 1e-5
@@ -40,7 +40,7 @@ def test_the_power_of_the_efforts_is_what_the_motion_gains(share, v, a):
     assert v @ DYNAMICS.efforts(q, v, a) == pytest.approx(gained, abs=1e-4)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(shares)
 def test_a_load_weighs_on_the_joints_as_it_rises_with_them(q):
     q, mass, h = joints(q), 0.8, 1e-6
@@ -54,7 +54,7 @@ def test_a_load_weighs_on_the_joints_as_it_rises_with_them(q):
 masses = st.floats(0.0, 3.0)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(shares, masses)
 def test_what_hangs_on_the_hand_is_weighed_by_the_drives(q, mass):
     q = joints(q)
@@ -62,7 +62,7 @@ def test_what_hangs_on_the_hand_is_weighed_by_the_drives(q, mass):
     assert DYNAMICS.hanging(q, efforts) == pytest.approx(mass, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(shares, masses, shares)
 def test_what_no_weight_explains_does_not_weigh(q, mass, more):
     q, limit = joints(q), np.array([joint.effort for joint in ARM_JOINTS])
@@ -72,7 +72,7 @@ def test_what_no_weight_explains_does_not_weigh(q, mass, more):
     assert DYNAMICS.hanging(q, efforts) == pytest.approx(mass, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(shares, shares)
 def test_an_error_of_the_drives_weighs_no_more_than_the_best_of_them_would_make_of_it(q, error):
     q, limit = joints(q), np.array([joint.effort for joint in ARM_JOINTS])

@@ -52,7 +52,7 @@ def score_by_definition(edges: Edges, box: tuple[int, int, int, int], kappa: flo
     return (total - float(middle[middle > 0.1].sum())) / (b_w + b_h) ** kappa
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.data())
 def test_score_is_that_of_equations_2_to_4(seed, data):
     edges = scribble(seed)
@@ -68,7 +68,7 @@ def test_score_is_that_of_equations_2_to_4(seed, data):
         assert eb._score(index, x0, y0, x1, y1, 1e-6) == pytest.approx(max(expected, 0), abs=2e-5)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(33, 300), st.floats(0.4, 2.5), st.floats(0, 1), st.floats(0, 1))
 def test_no_box_is_far_from_a_window(side, aspect, x, y):
     w, h = side * math.sqrt(aspect), side / math.sqrt(aspect)
@@ -79,7 +79,7 @@ def test_no_box_is_far_from_a_window(side, aspect, x, y):
     assert iou([[x * (320 - w), y * (240 - h), w, h]], windows).max() > 0.55
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(*[st.integers(0, 30)] * 2, *[st.integers(1, 40)] * 2), max_size=30), st.floats(0.3, 0.9))
 def test_suppression_is_greedy_nms(boxes, beta):
     array = np.array(boxes, np.int32).reshape(-1, 4)

@@ -10,7 +10,7 @@ from sum_drake.detection.edge_groups import affinities
 from sum_drake.detection.edges import find_edges
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6))
 def test_groups_are_connected_edge_pixels_of_enough_weight(seed):
     edges = scribble(seed)

@@ -90,7 +90,7 @@ def test_depth_without_a_single_reading_is_as_no_depth():
     np.testing.assert_array_equal(find_edges(color, nothing, FULL).magnitude, find_edges(color, None, FULL).magnitude)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**31), st.floats(0, 0.9))
 def test_filled_depth_has_no_holes_and_keeps_what_was_measured(seed, share):
     rng = np.random.default_rng(seed)

@@ -24,7 +24,7 @@ def encoded(value, name="port", time=1.5):
     return encoder.encode(value, time, name)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(angles, angles, angles, st.floats(-10, 10)), min_size=1, max_size=3))
 def test_poses_come_back(numbers):
     Xs = [RigidTransform(RollPitchYaw(*rpy), [x, -x, 0.5]) for *rpy, x in numbers]

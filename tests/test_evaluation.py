@@ -198,7 +198,7 @@ def test_a_right_track_is_true_and_its_error_measured(catalogue: Catalogue) -> N
     assert row["poses"][0]["visible_share"] is None
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(turn=st.floats(-3.0, 3.0))
 def test_errors_forgive_symmetry(turn: float) -> None:
     """A can turned about its axis is the same can."""

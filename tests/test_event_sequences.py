@@ -114,7 +114,7 @@ def check(world, belief, before):
         assert sum(share for _, share in belief.believed.outcomes) == pytest.approx(1.0)
 
 
-@settings(deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 @given(events)
 def test_whatever_comes_the_belief_stays_valid(world, drawn):
     before = SceneBelief()
@@ -123,7 +123,7 @@ def test_whatever_comes_the_belief_stays_valid(world, drawn):
         before = belief
 
 
-@settings(deadline=None, max_examples=3)
+@settings(max_examples=3)
 @given(events)
 def test_the_same_events_make_the_same_belief(world, drawn):
     assert canonical(world.after(drawn)) == canonical(world.after(drawn))

@@ -179,7 +179,7 @@ def test_room_on_the_way_up_counts(models: dict[str, ObjectModel]) -> None:
 vectors = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(vectors, vectors, st.floats(0.01, 0.1), st.integers(0, 1000))
 def test_clearances_move_with_the_hand(w: Array, p: Array, gap: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -194,7 +194,7 @@ def test_clearances_move_with_the_hand(w: Array, p: Array, gap: float, seed: int
     assert np.allclose(half_turn(half_turn(X_WG)), X_WG)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(vectors, vectors, st.floats(0.01, 0.1))
 def test_the_lowest_point_is_a_corner_of_the_hand(w: Array, p: Array, gap: float) -> None:
     X_WG = transform(rotation_from_vector(3 * w), p)

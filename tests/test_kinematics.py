@@ -83,7 +83,7 @@ def test_reachable_poses_are_solved():
             assert_reaches(qs, X_WG)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_solutions_are_exact_distinct_and_within_limits(seed):
     rng = np.random.default_rng(seed)
@@ -100,7 +100,7 @@ def test_solutions_are_exact_distinct_and_within_limits(seed):
     assert (apart + np.eye(len(qs)) >= 0.4).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0.0, 2.0), st.booleans())
 def test_the_cheapest_that_differ_are_chosen(seed, count, spread, close_to_limits):
     rng = np.random.default_rng(seed)
@@ -196,7 +196,7 @@ def test_a_straight_line_is_followed_without_jumps():
     assert followed > 20
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.floats(-0.15, 0.15))
 def test_what_follows_a_line_keeps_its_branch_and_moves_torso_and_pan_evenly(seed, height):
     X_WGs = lifted(ARM.forward(random_positions(np.random.default_rng(seed), 1)[0]), height, 16)

@@ -56,7 +56,7 @@ def test_what_leans_on_it_is_likelier_to_move_than_what_stands_beside_it() -> No
     assert stays(bottle, leaning, SUGAR, X_WS) > LEANS, "the sugar stands by itself"
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.floats(0.0, 0.15), st.floats(0.0, 0.05), st.floats(-np.pi, np.pi))
 def test_a_neighbour_that_is_farther_off_is_no_likelier_to_move(y: float, more: float, yaw: float) -> None:
     turn = transform(rotation_from_vector(np.array([0.0, 0.0, yaw])), np.zeros(3))

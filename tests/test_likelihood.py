@@ -135,7 +135,7 @@ def test_depth_that_is_not_finite_is_missing() -> None:
     assert torch.isfinite(observation.depth).all()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.tuples(*[st.floats(-200, 200) for _ in range(2)], *[st.floats(0, 300) for _ in range(2)]),
     st.integers(0, 2**32 - 1),
@@ -295,7 +295,7 @@ def observed_corner() -> Observation:
     return observe(Frame(0, np.zeros((180, 240, 3), np.uint8), depth, camera, np.eye(4)), (0, 0, 240, 180))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_registration_brings_a_pose_home(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -55,7 +55,7 @@ def found(data: bytes, *, whole: bool) -> list[tuple[str, float, Any]]:
     return messages
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(changes)
 def test_each_value_when_it_changes_and_never_back_in_time(tmp_path: Path, given: list[tuple[str, int, int]]) -> None:
     """After each one the file can be read up to it; what was written is what was said to be; and all of it again."""

@@ -220,7 +220,7 @@ def test_tables_name_every_object(catalogue: Catalogue) -> None:
 # --- sampling --------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.sampled_from(CATALOGUE.labels), st.integers(1, 300), st.integers(0, 2**32 - 1))
 def test_samples_lie_on_the_surface(label: str, n: int, seed: int) -> None:
     model = CATALOGUE[label]

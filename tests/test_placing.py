@@ -42,7 +42,7 @@ def test_areas_are_regions_within_the_tables_top() -> None:
     assert not is_area(dataclasses.replace(AREA, p_W=readonly([0.6, 0.25, 1.0])), TOP), "a shelf above it"
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(st.lists(st.tuples(st.floats(0.45, 0.95), st.floats(-0.4, 0.4)), max_size=4))
 def test_places_are_free_inside_and_a_little_above_where_it_rests(spots: list[tuple[float, float]]) -> None:
     others = [apply(standing(CATALOGUE, "sugar", x, y), outside(CATALOGUE["sugar"])) for x, y in spots]

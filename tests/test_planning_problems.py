@@ -164,7 +164,7 @@ def test_joints_that_cannot_be_planned_for_are_said_to_be_so(tmp_path):
             read(robot, PROBLEM | {"joints": [name], "start": [0], "goal": [0]})
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     entry=st.recursive(
         st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5),
@@ -197,7 +197,7 @@ def test_beyond_the_limits(robot):
     assert said(robot, start=[0, 2.500001]) is None, "rounding"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     depth=st.floats(0.001, 0.018), turn=st.floats(-3, 3), name=st.sampled_from(["ball", "base", "post", "obstacles"])
 )

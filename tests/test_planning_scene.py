@@ -88,7 +88,7 @@ def test_directives_that_cannot_be_loaded_are_named(tmp_path):
         PlanningScene(str(empty))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(arrays(float, st.tuples(st.integers(1, 60), st.just(3)), elements=st.floats(-0.5, 0.5, width=32)))
 def test_boxes_cover_every_point_and_little_else(points):
     (solid,) = planning_scene.solids_of_points(points, size=0.05)

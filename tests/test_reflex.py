@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sum_drake import reflex, timing
@@ -97,7 +97,6 @@ def test_closing_is_not_watched_and_what_passes_is_forgotten():
 moments = st.floats(0.0, float(LIFT) - 1e-3)
 
 
-@settings(deadline=None)
 @given(moments, st.sampled_from(list(CAUSES)))
 def test_a_stopped_arm_comes_to_rest_on_its_way(elapsed, cause):
     stopped = stop(MOTION, elapsed, cause)

@@ -101,7 +101,7 @@ def test_other_thread_raises(renderer: DepthRenderer) -> None:
     assert "thread" in str(errors[0])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_view_rotations_bring_z_onto_the_ray(seed: int) -> None:
     d = np.random.default_rng(seed).normal(size=(8, 3))
@@ -201,7 +201,7 @@ def mug_atlas() -> Atlas:
     return Atlas(MESHES["mug"].vertices, MESHES["mug"].faces, columns=3, limit=1500)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([(0.5, 0.6, 0.1), (1.4, 2.0, 0.05), (0.7, 1.0, 0.42)]))
 def test_tiles_show_what_a_render_of_its_own_shows(
     renderer: DepthRenderer, mug_atlas: Atlas, seed: int, place: tuple[float, float, float]
@@ -275,7 +275,7 @@ def frame_at(X_WC: Array) -> Frame:
     return Frame(0, np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32), CAMERA, X_WC)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @example(1793640)  # cut by the picture's lower border
 @given(st.integers(0, 2**32 - 1))
 def test_predicted_box_holds_the_render(seed: int) -> None:

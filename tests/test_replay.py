@@ -228,7 +228,7 @@ def test_a_log_keeps_fewer_particles_and_says_the_same(catalogue: Catalogue, tmp
     assert verdict([compare(read, whole, catalogue)]) == "identical: 1 observation, 2 tracks"
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(order=st.permutations(range(5)), shift=st.floats(0.0, 0.004), gone=st.integers(0, 4))
 def test_tracks_are_paired_by_place_whatever_their_order_and_ids(
     catalogue: Catalogue, order: list[int], shift: float, gone: int

@@ -59,7 +59,7 @@ def test_what_leans_would_fall_onto_the_next_side(
     np.testing.assert_allclose(resting(models["carton"], R), tilted(comes_to), atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.tuples(*[st.floats(-3, 3)] * 3), st.sampled_from(sorted(CATALOGUE)))
 def test_what_has_been_laid_to_rest_stands(w: tuple[float, float, float], label: str) -> None:
     model = CATALOGUE[label]

@@ -238,7 +238,7 @@ def test_thinning_survives_a_degenerate_belief() -> None:
     assert thin(belief, 10).X_WOs.shape == (10, 4, 4)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=4, max_size=4), st.integers(), st.text())
 def test_values_survive_json(numbers: list[float], integer: int, text: str) -> None:
     detection = Detection((numbers[0], numbers[1], numbers[2], numbers[3]), numbers[0], ((text, numbers[1]),))

@@ -201,7 +201,7 @@ def test_events_that_are_no_objects_and_joints_that_change_are_one_line(tmp_path
 
 
 @given(st.integers(0, 10**6), st.integers(1, 255))
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_flipped_byte_is_read_past_or_told(tmp_path: Path, at: int, flip: int) -> None:
     """A log of ours in which one byte is another: never anything but a record, and a line about what is wrong."""
     whole = tmp_path / "whole.mcap"

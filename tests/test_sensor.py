@@ -173,7 +173,7 @@ def test_a_tilted_plane_stays_where_it_is():
 
 
 @given(st.integers(0, 2**31), st.sampled_from([(0.0, 0.0), (0.5, 0.5), (2.9, 0.2)]))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_any_picture_gives_finite_depth(seed, spread):
     rng = np.random.default_rng(seed)
     camera = make_camera(SMALL)

@@ -34,7 +34,7 @@ def find(depth, box=BOX):
     return support_plane(frame_of(depth), box, np.random.default_rng(1), tolerance=0.006)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(-0.4, 0.4), st.floats(-0.9, -0.2), st.floats(0.5, 1.2))
 def test_a_table_is_found_where_it_is(a, b, height):
     normal = np.array([a, b, -1.0]) / np.linalg.norm([a, b, -1.0])
@@ -118,7 +118,7 @@ TOP = Region("table", readonly([0.0, 0.0, 1.0]), readonly([0.5, 0.5, 0.2]))
 POSITIONS = st.tuples(st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.floats(0.7, 1.0))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.tuples(POSITIONS, st.tuples(*4 * [st.floats(-1, 1)])), min_size=1, max_size=5))
 def test_a_pose_is_the_less_likely_the_deeper_it_is_sunk_into_a_known_table(drawn):
     X_WC = look_at(np.array([0.1, -0.5, 1.6]), np.array([0.0, 0.0, 0.8]))

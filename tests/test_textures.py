@@ -10,7 +10,7 @@ FAMILIES = (*TRAIN, *SHIFT)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1), size=st.sampled_from([64, 100, 256]))
 def test_a_picture_depends_on_its_seed_alone(family: str, seed: int, size: int) -> None:
     texture = paint(family, np.random.default_rng(seed), size=size)

@@ -39,7 +39,7 @@ def assert_sound(trajectory, start, end):
     np.testing.assert_allclose(np.diff(qs, axis=0) / dt, mean, atol=2 * dt * timing.LIMITS.acceleration.max())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_stopping_at_corners_follows_the_path_exactly(seed):
     path = polyline(seed)
@@ -48,7 +48,7 @@ def test_stopping_at_corners_follows_the_path_exactly(seed):
     assert max(distance_to(path, q) for q in timing.sample(trajectory, 0.05)) < 1e-7
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_rounding_corners_keeps_the_limits_and_saves_time(seed):
     path = polyline(seed)
@@ -73,7 +73,7 @@ def test_a_corner_that_would_touch_is_not_rounded():
     assert all(corner.shape[1] == 8 for corner in asked)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_a_smooth_curve_is_followed_without_stops(seed):
     rng = np.random.default_rng(seed)
@@ -110,7 +110,7 @@ def test_beyond_its_times_a_trajectory_rests():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_way_in_reverse_is_the_same_way_at_the_same_speeds(seed):
     there = timing.time_path(polyline(seed))
     back = timing.reverse(there)

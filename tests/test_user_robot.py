@@ -192,7 +192,7 @@ def test_pairs_that_an_srdf_disables_may_touch(tmp_path):
     assert not free(make_checker(robot, NAMES, [block("x", [0.1, 0, 0.05], 0.3)]), q), "obstacles count all the same"
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.text(alphabet='<>/="linkjotraphs 01.-', max_size=60))
 def test_any_text_loads_or_is_one_line(tmp_path_factory, text):
     path = write_urdf(tmp_path_factory.mktemp("any"), ARM + text)
