@@ -118,6 +118,14 @@ class Bench:
         self.run("transport")
         self.run("open")
 
+    def shake_off(self):
+        """What hangs on the hand falls off over the place, and the arm comes back."""
+        for segment in ("shake", "weigh", "shake"):
+            self.run(segment)
+        self.hand(0.1)
+        self.finish()
+        self.rest()
+
     def run(self, segment, stopped=""):
         self.fix("motion_status", MotionStatus(self.out("motion").id, segment, False, stopped))
         self.wait()
@@ -380,12 +388,7 @@ def test_what_hangs_on_the_hand_is_shaken_off_where_it_was_to_go():
     bench.rest()
     assert (bench.shaken, bench.out("motion").id, bench.out("attempts")) == ([(5, 0)], 2, ())
     assert bench.out("observe")[0] == 1, "it does not look with that on its hand"
-    bench.run("shake")
-    bench.run("weigh")
-    bench.run("shake")
-    bench.hand(0.1)
-    bench.finish()
-    bench.rest()
+    bench.shake_off()
     (attempt,) = bench.out("attempts")
     action = attempt.action
     assert (attempt.reason, action.released, action.hangs, action.held_place) == ("executed", True, False, True)
@@ -434,12 +437,7 @@ def test_an_arm_that_is_stopped_with_something_on_its_hand_goes_to_shake_it_off_
     bench.run("return")
     bench.finish("unexpected_effort")
     assert (bench.shaken, bench.brought_back, bench.out("motion").id) == ([(5, 0)], [], 2)
-    bench.run("shake")
-    bench.run("weigh")
-    bench.run("shake")
-    bench.hand(0.1)
-    bench.finish()
-    bench.rest()
+    bench.shake_off()
     (attempt,) = bench.out("attempts")
     assert (attempt.reason, attempt.action.hangs, attempt.action.held_place) == ("unexpected_effort", False, True)
 
