@@ -17,7 +17,7 @@ from torch import Tensor
 
 from sum_drake.boxes import pixels_around
 from sum_drake.depth_tolerance import PERFECT, DepthTolerance
-from sum_drake.support import Plane
+from sum_drake.support import SUNK, Plane
 from sum_drake.types import Box, Camera, Frame, Immutable
 
 _PICTURES = ("depth", "in_box", "at_edge", "support", "beyond")
@@ -144,8 +144,6 @@ def _cut(box: Box, camera: Camera, left: int, top: int) -> Box:
 
 LEAST_LEFT = 0.03
 """Where less of a box than this is left without the plane, the object lies in it: a lid, a sheet."""
-SUNK = 0.01
-"""Points that lie deeper than this under the plane cannot be, metres."""
 
 
 def _edges(depth: NDArray[np.float32], jump: float, bleed: int) -> NDArray[np.bool_]:

@@ -23,9 +23,10 @@ TRIES, POINTS = 200, 1500
 """Planes tried, on so many points at most."""
 AS_LEVEL, AS_HIGH = np.radians(5.0), 0.02
 """How far a table may be from where it is known to be: turned, radians, and at the box, metres."""
-FREE, SOFT = 0.01, 0.005
-"""What reaches less than the one into a known table is as likely as what stands on it, since plane, mesh and pose may
-be off; the other is the standard deviation beyond that, metres."""
+SUNK = 0.01
+"""What reaches less than this under a plane may stand on it, metres: plane, mesh and pose may be off."""
+SOFT = 0.005
+"""Standard deviation of how much deeper a pose reaches into a known table, metres."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class Ground(Immutable):
         normal_C = torch.tensor(self.plane.normal_C, dtype=torch.float32)
         heights = (normal_C @ R_COs) @ p_MQs.T + (p_CMs @ normal_C + self.plane.offset)[:, None]
         depth = torch.zeros(len(particles))
-        low = (heights.amin(1) < -FREE).nonzero()[:, 0]
+        low = (heights.amin(1) < -SUNK).nonzero()[:, 0]
         if len(low):
             X_WC = torch.tensor(self.X_WC, dtype=torch.float32)
             p_CQs = p_MQs @ R_COs[low].transpose(1, 2) + p_CMs[low, None]
@@ -68,7 +69,7 @@ class Ground(Immutable):
             middle, half = (torch.tensor(a[:2], dtype=torch.float32) for a in (self.table.p_W, self.table.half_extents))
             over = ((p_WQs - middle).abs() < half).all(-1)
             depth[low] = torch.where(over, -heights[low], 0.0).amax(1)
-        return -(((depth - FREE).clamp(min=0) / SOFT) ** 2) / 2
+        return -(((depth - SUNK).clamp(min=0) / SOFT) ** 2) / 2
 
 
 def table_plane(frame: Frame, box: Box, table: Region) -> Plane | None:

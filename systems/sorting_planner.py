@@ -76,6 +76,8 @@ class _Sorting(Immutable):
     """Ways back begun since then."""
     shakes: int = 0
     """Times that it went to shake off what hung on the hand."""
+    hung: bool = False
+    """Whether an arm at rest, which nothing had stopped, has felt that."""
     hung_there: bool = False
     """Whether that was still on the hand over the place."""
     hangs: bool | None = None
@@ -109,7 +111,8 @@ class SortingPlanner(LeafSystem):
     looks from, and looks again; with an object in its hand it first tries to go on by another way, CARRY_ONS times,
     and then to bring it back to where it was.
     What hangs on the hand after it was opened at the place is no object placed: the arm goes to shake it off there,
-    SHAKES times at most; where it was gone before it got there, it was lost on the way.
+    SHAKES times at most, from where it looks or where it was stopped; where it was gone before it got there, it was
+    lost on the way.
     """
 
     def __init__(
@@ -198,7 +201,7 @@ class SortingPlanner(LeafSystem):
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", carry_ons=0, retreats=0, shakes=0, hangs=None,
+            released=False, stopped="", carry_ons=0, retreats=0, shakes=0, hung=False, hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -228,9 +231,11 @@ class SortingPlanner(LeafSystem):
         if not status.stopped:
             return dataclasses.replace(held, phase="weigh", released=True)
         if held.released:
-            # What hangs on the hand has met something, perhaps: it is not to be let fall there.
+            # What hangs on the hand has met something, perhaps: it is not to be let fall there. What was met may weigh
+            # on the hand as well, so that nothing is believed of that.
             held = dataclasses.replace(held, stopped=status.stopped)
-            return self._shake_off(context, held) or self._go_back(context, held)
+            shaking = self._shake_off(context, held) if self._hangs(context) else None
+            return shaking or self._go_back(context, held)
         held = dataclasses.replace(held, at_place=self._feel_after(context, status))
         return self._go_on_or_back(context, held, status)
 
@@ -265,16 +270,17 @@ class SortingPlanner(LeafSystem):
         """
         if context.get_time() - held.since < self._settle_time:
             return held
-        held = dataclasses.replace(held, hangs=self._hangs(context))
-        if not held.hangs and held.shakes and not held.hung_there:
+        hangs = self._hangs(context)
+        if not hangs and held.hung and not held.hung_there:
             held = dataclasses.replace(held, at_place=Feel())
-        look = dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
-        return self._shake_off(context, held) or look
+        held = dataclasses.replace(held, hangs=hangs, hung=held.hung or hangs)
+        shaking = self._shake_off(context, held) if hangs else None
+        return shaking or dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
 
     def _shake_off(self, context: Context, held: _Sorting) -> _Sorting | None:
-        """On its way to shake off what weighs on the hand of the arm, which rests; None: nothing, or it cannot be."""
+        """On its way to shake off what hangs on the hand of the arm, which rests; None: that cannot be done."""
         assert held.pick is not None and held.motion is not None
-        if held.shakes == SHAKES or not self._hangs(context):
+        if held.shakes == SHAKES:
             return None
         try:
             motion = self._shake(

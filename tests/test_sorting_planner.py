@@ -442,6 +442,18 @@ def test_an_arm_that_is_stopped_with_something_on_its_hand_goes_to_shake_it_off_
     assert (attempt.reason, attempt.action.hangs, attempt.action.held_place) == ("unexpected_effort", False, True)
 
 
+def test_what_weighs_on_an_arm_that_was_stopped_may_be_what_stopped_it_and_undoes_nothing():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish("unexpected_effort")
+    assert bench.shaken == [(5, 0)]
+    bench.hand(0.1)
+    bench.shake_off()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.action.held_place, attempt.action.hangs) == (True, False)
+
+
 def test_what_falls_off_the_hand_before_it_is_over_the_place_was_lost_on_the_way():
     bench = Bench(Pick(PLAN, TRACK, "bin", ()))
     bench.carried()

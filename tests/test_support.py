@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from sum_drake.film import look_at
 from sum_drake.geometry import inverse, rotation_from_quaternion, transform
 from sum_drake.particles import Particles
-from sum_drake.support import FREE, Ground, Plane, sunk, support_plane, table_plane
+from sum_drake.support import SUNK, Ground, Plane, sunk, support_plane, table_plane
 from sum_drake.types import Camera, Frame, Region, readonly
 
 CAMERA = Camera(160, 120, 150.0, 150.0, 79.5, 59.5)
@@ -130,7 +130,7 @@ def test_a_pose_is_the_less_likely_the_deeper_it_is_sunk_into_a_known_table(draw
     particles = Particles(*(torch.from_numpy(X_COs[:, :3, i]).float() for i in (slice(0, 3), 3)))
     told = ground.log_prior(particles, torch.from_numpy(corners).float()).numpy()
     depths = np.array([sunk(corners, X_WO, TOP) for X_WO in X_WOs])
-    assert (told[depths < FREE] > -1e-4).all()
+    assert (told[depths < SUNK] > -1e-4).all()
     assert (told <= 0).all() and (told[depths > 0.02] < -1).all()
     order = np.argsort(depths)
     assert (np.diff(told[order]) <= 1e-3).all()
