@@ -223,14 +223,14 @@ def plan_plot(data: Mapping[str, Any]) -> str:
 
 
 def lost_plot(data: Mapping[str, Any]) -> str:
-    """Objects sorted, of those poured, run after run."""
-    rows = [row for row in _rows(data, "run") or _rows(data, "sequence") if "objects_total" in row]
-    sorted_, total = (np.cumsum([row[f"objects_{what}"] for row in rows]) for what in ("sorted", "total"))
-    runs = np.arange(1, len(rows) + 1)
-    every = Series("", runs, total, dashed=True)
-    return line_plot(
-        [every, Series("sorted", runs, sorted_)], title="Objects sorted", x_label="runs", y_label="objects"
-    )  # fmt: skip
+    """Objects lost, over objects poured, run after run; by how many were poured at a time."""
+    kinds: dict[int, list[tuple[int, int]]] = {}
+    for row in _rows(data, "run") or _rows(data, "sequence"):
+        poured = row.get("objects_total", row["objects_asked"])
+        kinds.setdefault(row["objects_asked"], [(0, 0)]).append((poured, poured - row.get("objects_sorted", 0)))
+    sums = {number: np.cumsum(counts, 0) for number, counts in kinds.items()}
+    series = [Series(f"{number} at a time", *of.T) for number, of in sums.items()]
+    return line_plot(series, title="Objects lost", x_label="objects poured", y_label="objects lost")
 
 
 PLOTS = {

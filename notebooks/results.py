@@ -122,16 +122,21 @@ for row in rows_of("sort", "sequence"):
         f"sequence {row['seed']}: {row.get('objects_sorted', 0)} of {row.get('objects_total', '?')} objects,"
         f" {row.get('manipulation_errors', '?')} errors, {row.get('manipulation_trials', '?')} trials"
     )
-runs = [row for row in rows_of("sort", "run") if "objects_total" in row]
+runs = rows_of("sort", "run")
+for number in sorted({row["objects_asked"] for row in runs}):
+    own = [row for row in runs if row["objects_asked"] == number]
+    total = np.cumsum([row.get("objects_total", number) for row in own])
+    lost = total - np.cumsum([row.get("objects_sorted", 0) for row in own])
+    plt.step(total, lost, where="post", label=f"{number} at a time")
+    print(f"{total[-1] - lost[-1]} of {total[-1]} objects sorted in {len(own)} runs of {number}")
 if runs:
-    lost = np.cumsum([row["objects_total"] - row["objects_sorted"] for row in runs])
-    total = np.cumsum([row["objects_total"] for row in runs])
-    plt.step(total, lost, where="post")
     plt.gca().set(xlabel="objects poured", ylabel="objects lost")
+    plt.legend()
     plt.show()
-    print(f"{total[-1] - lost[-1]} of {total[-1]} objects sorted in {len(runs)} runs")
-    for row in rows_of("sort", "loss"):
-        print(f"  seed {row['seed']}: {row['label']} ended {row['place']}: {row['cause']}")
+for row in rows_of("sort", "loss"):
+    print(f"  {row['of']}, seed {row['seed']}: {row['label']} ended {row['place']}: {row['cause']}")
+for row in rows_of("sort", "error"):
+    print(f"  {row['of']}: {row['trials']} manipulation errors {row['cause']}")
 
 # %% [markdown]
 # ## What each ingredient is worth

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.batch_figures import batch_figures, causes, losses
+from sum_drake.batch_figures import batch_figures, causes, errors, losses
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
@@ -118,7 +118,7 @@ FIELDS = {
     "settings": dict, "seeds": list, "runs": int, "done": int, "figures": dict, "causes": dict, "losses": list,
     "episodes": list, "versions": dict, "device": str,
 }  # fmt: skip
-"""Of batch.json, beside its schema."""
+"""Of batch.json, beside its schema and, since they are told, `errors`."""
 
 
 def read_batch(folder: Path) -> dict[str, Any]:
@@ -202,6 +202,7 @@ def _write(
         "done": len(done),
         "figures": batch_figures(done),
         "causes": causes(done),
+        "errors": errors(done),
         "losses": losses(done),
         "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
         **made_with,

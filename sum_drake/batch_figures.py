@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from sum_drake.summary_schema import is_manipulation_error
 from sum_drake.types import Array
 
 DRAWS = 10_000
@@ -104,12 +105,25 @@ def causes(rows: Sequence[Row]) -> dict[str, int]:
     return dict(Counter(loss["cause"] for loss in losses(rows)).most_common())
 
 
+def errors(rows: Sequence[Row]) -> dict[str, int]:
+    """How many manipulation errors there were of each cause, the most frequent first.
+
+    An object that slipped and was taken later was not lost, but is an error.
+    """
+    trials = [a for row in rows for a in row.get("attempts", ()) if a["outcome"] != "infeasible"]
+    return dict(Counter(_error(trial) for trial in trials if is_manipulation_error(trial)).most_common())
+
+
+def _error(trial: Mapping[str, Any]) -> str:
+    return "knocked another off" if trial["knocked_off"] else f"{trial['outcome']}: {trial['reason']}"
+
+
 def share_interval(done: Array, total: Array, seed: int = 0) -> tuple[float, float]:
     """The 95 % interval of sum(done) / sum(total), (n,) each; NaN for fewer than two runs.
 
     By bootstrap over the n runs, whose objects hang together, but no narrower than the exact interval (Clopper and
     Pearson) of as many independent objects: where nearly nothing is lost, draws of runs say too little, and two runs
-    without a loss are no proof. One loss more never raises either end.
+    without a loss are no proof.
     """
     if len(done) < 2 or total.sum() == 0:
         return float("nan"), float("nan")

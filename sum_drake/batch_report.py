@@ -53,6 +53,7 @@ def _one(name: str, batch: Batch, folder: Path | None) -> str:
             page.table(["of", "figure"], [[page.text(_words(k)), _number(v)] for k, v in batch["figures"].items()]),
             "<h2>What was lost</h2>",
             _losses([batch]),
+            *_errors([batch]),
             "<h2>Runs</h2>",
             page.table(["seed", "sorted", "trials", "CPU", "reason"], rows) if rows else "<p>None is done.</p>",
             "<h2>Made with</h2>",
@@ -77,6 +78,7 @@ def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
             _figures(a["figures"], b["figures"]),
             "<h2>What was lost</h2>",
             _losses([a, b]),
+            *_errors([a, b]),
             "<h2>Runs that differ</h2>",
             _differing(a, b),
             "<h2>Made with</h2>",
@@ -161,6 +163,16 @@ def _losses(batches: Sequence[Batch]) -> str:
 
     heads = ["cause", *("objects lost (seed)" if len(batches) == 1 else f"lost in {of}" for of in "AB"[: len(batches)])]
     return page.table(heads, [[page.text(cause), *(cell(batch, cause) for batch in batches)] for cause in names])
+
+
+def _errors(batches: Sequence[Batch]) -> list[str]:
+    """By cause: how many; nothing of batches that were written before they told."""
+    if any("errors" not in batch for batch in batches):
+        return []
+    names = list(dict.fromkeys(cause for batch in batches for cause in batch["errors"]))
+    rows = [[page.text(name), *(str(batch["errors"].get(name, 0)) for batch in batches)] for name in names]
+    heads = ["cause", *(("trials",) if len(batches) == 1 else ("in A", "in B"))]
+    return ["<h2>Manipulation errors</h2>", page.table(heads, rows) if rows else "<p>None.</p>"]
 
 
 def _differing(a: Batch, b: Batch) -> str:

@@ -26,7 +26,7 @@ from sum_drake.geometry import iou, pose_error
 from sum_drake.jsonio import canonical
 from sum_drake.making_way import MOVE
 from sum_drake.rendering import predicted_box
-from sum_drake.summary_schema import SCHEMA, TIMING
+from sum_drake.summary_schema import SCHEMA, TIMING, is_manipulation_error
 from sum_drake.types import LEAVE, Array, Attempt, Believed, Box, Frame, Immutable, Perception, Region, Track
 
 if TYPE_CHECKING:
@@ -356,7 +356,7 @@ def summary(
             for label, X_WO in final.X_WOs
         ],
         "manipulation_trials": len(trials),
-        "manipulation_errors": sum(map(_is_manipulation_error, trials)),
+        "manipulation_errors": sum(map(is_manipulation_error, trials)),
         "observations": list(observations),
         "attempts": list(attempts),
         "timing": {**dict.fromkeys(TIMING), **timing},
@@ -370,14 +370,6 @@ def _put_by_mistaken_label(label: str, place: str, attempts: Sequence[dict[str, 
     """Whether the last trial that brought the object to that place took it for something else."""
     brought = [row for row in attempts if row["object"] == label and row["region"] == place]
     return bool(brought) and brought[-1]["label"] != label
-
-
-def _is_manipulation_error(trial: Mapping[str, Any]) -> bool:
-    if trial["knocked_off"]:
-        return True
-    if trial["outcome"] == "missorted":
-        return bool(trial["object"] == trial["label"])
-    return trial["outcome"] not in ("sorted", "moved")
 
 
 def digest(perceptions: Sequence[Perception], attempts: Sequence[Attempt], final: Truth) -> str:

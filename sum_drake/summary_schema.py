@@ -3,6 +3,7 @@
 import math
 import types
 import typing
+from collections.abc import Mapping
 from typing import Any
 
 from sum_drake.assets import InputError
@@ -23,6 +24,16 @@ OUTCOMES = {
     "infeasible": "the arm did not set out: no grasp or path was found, or the robot did not try",
 }
 """How an attempt ended, by the truth."""
+
+
+def is_manipulation_error(trial: Mapping[str, Any]) -> bool:
+    """Whether an attempt that was executed did not bring its object where it was to go, or knocked another off."""
+    if trial["knocked_off"]:
+        return True
+    if trial["outcome"] == "missorted":
+        return bool(trial["object"] == trial["label"])
+    return trial["outcome"] not in ("sorted", "moved")
+
 
 FATES = {
     "rejected": "what it gave rise to was not accepted",

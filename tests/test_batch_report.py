@@ -9,7 +9,7 @@ from test_report import Page
 
 from sum_drake.assets import InputError
 from sum_drake.batch import read_batch
-from sum_drake.batch_figures import batch_figures, causes, losses, paired_difference
+from sum_drake.batch_figures import batch_figures, causes, errors, losses, paired_difference
 from sum_drake.batch_report import write_batch_report
 from sum_drake.cli import main
 from sum_drake.jsonio import write_json
@@ -43,7 +43,8 @@ def write_batch(folder: Path, rows: list[dict[str, Any]], **more: Any) -> Path:
         "schema": "sum-drake/batch/1", "seeds": [0, 9],
         "settings": {"first_seed": 0, "objects": 5, "code": "a", "scenario": "b"},
         "runs": len(rows), "done": len(rows), "figures": batch_figures(rows), "causes": causes(rows),
-        "losses": losses(rows), "episodes": rows, "versions": {"drake": "1.51.1"}, "device": "a machine",
+        "losses": losses(rows), "errors": errors(rows), "episodes": rows,
+        "versions": {"drake": "1.51.1"}, "device": "a machine",
     }  # fmt: skip
     write_json(folder / "batch.json", data | more)
     return folder
@@ -60,8 +61,18 @@ def test_a_batch_tells_what_was_sorted_and_what_was_lost(tmp_path: Path) -> None
     words = words_of(write_batch(tmp_path / "a", [row(0, 5), row(1, 4), crashed]))
     for part in ("Batch a", "3 runs, seeds 0 to 9", "5 of 5", "4 of 5", "thing4 (1)", "dropped: empty_hand", "crashed"):
         assert part in words, part
+    assert "Manipulation errors cause trials dropped: empty_hand 1" in " ".join(words.split())
     assert "killed by signal 9" in words and "0.6" in words, "a run that died sorted none of its five"
     assert "5: any (2), any (2)" in words, "all of them are lost, to the crash"
+
+
+def test_a_batch_of_before_errors_were_told_has_a_page(tmp_path: Path) -> None:
+    folder = write_batch(tmp_path / "a", [row(0, 4)])
+    told = json.loads((folder / "batch.json").read_text())
+    del told["errors"]
+    write_json(folder / "batch.json", told)
+    words = words_of(folder)
+    assert "dropped: empty_hand" in words and "Manipulation errors" not in words
 
 
 def test_equal_batches_are_said_to_be_equal(tmp_path: Path) -> None:

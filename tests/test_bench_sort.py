@@ -42,6 +42,7 @@ def test_figures_are_of_the_batches_by_number_of_objects_else_of_the_sequences()
     assert both["objects_sorted_share_10"] == 1.0
     assert both["objects_sorted_low95"] <= 0.99 <= both["objects_sorted_high95"] <= 1.0
     assert set(AIMS) <= set(both)
+    assert both["perception_cpu_s_median_10"] == 1.0 and both["picks_per_simulated_hour_10"] == 600.0
     crashed = sort_figures([*pours(7, 5), died(7, 5)], [*pours(3, 5, 100), *pours(3, 10, 200), died(203, 10)])
     assert (crashed["runs"], crashed["runs_10"], crashed["sequences_complete"]) == (3, 4, 7)
     assert crashed["objects_sorted_share_10"] == 0.75, "nothing is gained by a crash"

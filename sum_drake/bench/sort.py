@@ -11,7 +11,7 @@ from typing import Any
 from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, made_by, read_episodes, run_batch
-from sum_drake.batch_figures import Row, causes, known_figures, losses, objects_of
+from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
@@ -57,7 +57,9 @@ def bench_sort(
     sequences = [row for row in read_episodes(out / "sequences") if row["seed"] in seeds]
     found = sort_figures(sequences, larger)
     rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
-    rows += [{"table": "loss", **loss} for loss in losses([*sequences, *larger])]
+    for kind, of in by_kind(sequences, larger).items():
+        rows += [{"table": "loss", "of": kind, **loss} for loss in losses(of)]
+        rows += [{"table": "error", "of": kind, "cause": cause, "trials": n} for cause, n in errors(of).items()]
     write_results(
         out, "sort", quick=quick, settings={**settings, "batches": [made_by(folder) for folder in batches]},
         seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows,
@@ -82,10 +84,9 @@ def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, f
 
     Without larger batches the sequences are the runs.
     """
-    usual = sequences[0]["objects_asked"]
-    five = [row for row in larger if row["objects_asked"] == usual] or list(sequences)
-    ten = [row for row in larger if row["objects_asked"] == 10]
-    of_ten = known_figures(ten)
+    kinds = by_kind(sequences, larger)
+    five = kinds.get(f"{sequences[0]['objects_asked']} objects", sequences)
+    ten = kinds.get("10 objects", [])
     return {
         **known_figures(five),
         "sequences": len(sequences),
@@ -93,12 +94,15 @@ def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, f
         "sequences_objects_sorted": sum(row.get("objects_sorted", 0) for row in sequences),
         "sequences_trials": sum(row.get("manipulation_trials", 0) for row in sequences),
         "sequences_errors": sum(row.get("manipulation_errors", 0) for row in sequences),
-        **({f"{name}_10": of_ten[name] for name in TEN} if ten else {}),
+        **({f"{name}_10": value for name, value in known_figures(ten).items()} if ten else {}),
     }
 
 
-TEN = ("runs", "objects_sorted_share", "objects_sorted_low95", "trials_per_object", "missorted", "cpu_s_per_run_median")
-"""Figures that are told of runs of ten objects, too."""
+def by_kind(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, list[Row]]:
+    """What is told apart: `sequences`, and the runs of batches by their number of objects, as `5 objects`."""
+    numbers = sorted({row["objects_asked"] for row in larger})
+    batches = {f"{number} objects": [row for row in larger if row["objects_asked"] == number] for number in numbers}
+    return {"sequences": list(sequences), **batches}
 
 
 def _row(table: str, row: Row) -> dict[str, Any]:
@@ -122,6 +126,7 @@ def _page(
     found: Mapping[str, float],
     batches: Sequence[Mapping[str, Any]],
 ) -> str:
+    kinds = by_kind(sequences, larger)
     parts = [
         "<h1>Sequential sorting</h1>",
         "<p>Objects are poured on the table and sorted into two bins. First the paper's eight sequences with a Fetch, "
@@ -142,21 +147,28 @@ def _page(
             ("figure", "value", "aim"),
             [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],
         ),
+        "<h2>Manipulation errors, by cause</h2>",
+        _by_cause({kind: errors(of) for kind, of in kinds.items()}),
         "<h2>Objects lost, by cause</h2>",
-        page.table(
-            ("cause", "objects"),
-            [(page.text(cause), str(count)) for cause, count in causes([*sequences, *larger]).items()],
-        ),
+        _by_cause({kind: causes(of) for kind, of in kinds.items()}),
         "<h2>Every one of them</h2>",
         page.table(
-            ("seed", "object", "ended", "cause"),
+            ("of", "seed", "object", "ended", "cause"),
             [
-                (str(loss["seed"]), page.text(loss["label"]), page.text(loss["place"]), page.text(loss["cause"]))
-                for loss in losses([*sequences, *larger])
+                (kind, str(loss["seed"]), *(page.text(loss[part]) for part in ("label", "place", "cause")))
+                for kind, of in kinds.items()
+                for loss in losses(of)
             ],
         ),
     ]
     return page.page("Sequential sorting", parts)
+
+
+def _by_cause(counts: Mapping[str, Mapping[str, int]]) -> str:
+    """counts: by kind of runs, how many of each cause."""
+    names = list(dict.fromkeys(cause for of in counts.values() for cause in of))
+    rows = [(page.text(name), *(str(of.get(name, 0)) for of in counts.values())) for name in names]
+    return page.table(("cause", *counts), rows) if rows else "<p>None.</p>"
 
 
 def _table(
