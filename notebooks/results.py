@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from sum_drake.bench.pose_figures import DEGREES, curve_of
 from sum_drake.reliability import reliability
 
 here = Path(__file__).resolve().parents[1] if "__file__" in globals() else Path.cwd()
@@ -41,14 +42,13 @@ estimates = [row for row in rows_of("pose", "estimate") if not row["wrong_box"]]
 detected = [row for row in estimates if row.get("detected", False)]
 chosen = detected or estimates
 if chosen:
-    degrees = np.linspace(0.0, 180.0, 91)
     compared = [m for m in ("default", "paper", "fpfh", "fpfh_icp") if any(row["method"] == m for row in chosen)]
     figure, axes = plt.subplots(1, 4, figsize=(14, 3.4), sharey=True)
     for axis, metres in zip(axes, (0.01, 0.05, 0.10, 0.20), strict=True):
         for method in compared:
             own = [row for row in chosen if row["method"] == method]
-            near = np.array([row["rotation_deg"] if row["translation_m"] < metres else np.inf for row in own])
-            axis.plot(degrees, [(near < bound).mean() for bound in degrees], label=method)
+            off = ([row[error] for row in own] for error in ("translation_m", "rotation_deg"))
+            axis.plot(DEGREES, curve_of(*off, metres, DEGREES), label=method)
         axis.set(title=f"within {100 * metres:.0f} cm", xlabel="rotation bound, degrees", ylim=(0, 1.02))
     axes[0].set_ylabel("share of the estimates")
     axes[-1].legend()

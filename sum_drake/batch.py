@@ -5,6 +5,7 @@ run does depends on its scenario and seed alone, so order and number of workers 
 """
 
 import dataclasses
+import functools
 import json
 import shutil
 import tempfile
@@ -27,8 +28,9 @@ from sum_drake.jsonio import write_json
 SCHEMA = "sum-drake/batch/1"
 WORK = ".work"
 """Folder in the batch's of what is not done."""
-OFTEN_S = 2.0
-"""Between writes of batch.json while many runs end, seconds: which are kept is told by their folders."""
+OFTEN_S, WRITING = 2.0, 0.05
+"""Seconds between writes of batch.json while many runs end, and the share of the time that may go into them: which runs
+are kept is told by their folders."""
 Progress = Callable[[str, int, int], None]
 
 
@@ -83,25 +85,28 @@ def run_batch(
         rows = {spec.seed: row | asked for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
         left = [spec for spec in specs if spec.seed not in rows]
         seeds = [spec.seed for spec in specs]
-        made_with = {"versions": versions(), "commit": commit(), "device": device()}
-        _write(out, settings, seeds, rows, made_with)
-        written = time.monotonic()
+        begun_by = read_batch(out).get("commit") if (out / "batch.json").is_file() else commit()
+        write = functools.partial(_write, out, settings, seeds, rows, begun_by)
+        write()
+        written, wait_s = time.monotonic(), OFTEN_S
         progress("running", len(rows), len(specs))
         with closing(executor.run(left, work)) as episodes:
             for episode in episodes:
                 keep(episode, out)
                 rows[episode.seed] = episode.row() | asked
-                if time.monotonic() > written + OFTEN_S:
-                    _write(out, settings, seeds, rows, made_with)
+                begun = time.monotonic()
+                if begun > written + wait_s:
+                    write()
                     written = time.monotonic()
+                    wait_s = max(OFTEN_S, (written - begun) / WRITING)
                 progress("running", len(rows), len(specs))
-        told = _write(out, settings, seeds, rows, made_with)
+        told = write()
         shutil.rmtree(work)
     return told
 
 
 def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
-    """Raises InputError unless a folder is new, empty, or holds a batch of these settings."""
+    """Raises InputError unless a folder is new, empty, or holds a batch of these settings and of these packages."""
     file = out / "batch.json"
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: a file; expected a folder or a new name")
@@ -109,7 +114,8 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
         if out.is_dir() and any(path.name != WORK and not path.name.endswith(PART) for path in out.iterdir()):
             raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
         return
-    other = different(read_batch(out)["settings"], settings)
+    begun = read_batch(out)
+    other = different({**begun["settings"], **begun["versions"]}, {**settings, **versions()})
     if other:
         raise InputError(f"{file}: is of {other}; expected a new --out")
 
@@ -119,6 +125,13 @@ FIELDS = {
     "episodes": list, "versions": dict, "device": str,
 }  # fmt: skip
 """Of batch.json, beside its schema and, since they are told, `errors`."""
+ROW: dict[str, Any] = {"seed": int, "state": str, "reason": str, "cpu_s": (int, float), "peak_memory_mib": (int, float)}
+"""Of episode.json, and of a row of batch.json, whatever became of the run."""
+SUMMED: dict[str, Any] = {
+    "objects_total": int, "objects_sorted": int, "objects_missorted": int, "manipulation_trials": int,
+    "manipulation_errors": int, "timing": dict,
+}  # fmt: skip
+"""The same, where there is a summary."""
 
 
 def read_batch(folder: Path) -> dict[str, Any]:
@@ -131,12 +144,20 @@ def read_batch(folder: Path) -> dict[str, Any]:
         for part, kind in FIELDS.items():
             if not isinstance(data[part], kind):
                 raise TypeError(f"{part} is a {type(data[part]).__name__}")
+        data["episodes"] = [{"objects_asked": data["settings"]["objects"], **_row(row)} for row in data["episodes"]]
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
-    asked = {"objects_asked": data["settings"].get("objects", 0)}
-    return {**data, "episodes": [asked | row for row in data["episodes"]]}
+    return dict(data)
+
+
+def _row(data: Any) -> dict[str, Any]:
+    """A row of a run. Raises KeyError or TypeError for what is none."""
+    for part, kind in (ROW | (SUMMED if "objects_total" in data else {})).items():
+        if not isinstance(data[part], kind):
+            raise TypeError(f"{part} is a {type(data[part]).__name__}")
+    return dict(data)
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:
@@ -148,16 +169,20 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
         row = json.loads(file.read_text())
         if row["schema"] != EPISODE:
             raise InputError(f"{file}: schema {row['schema']!r}; expected {EPISODE!r}")
+        return _row(row)
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected an episode's: remove {folder} to run it again") from None
-    return dict(row)
 
 
 def read_episodes(folder: Path) -> list[dict[str, Any]]:
-    """The runs of a batch's folder that are done, by seed. Raises InputError for a folder that is none."""
-    asked = {"objects_asked": read_batch(folder)["settings"]["objects"]}
-    found = (read_episode(path) for path in folder.iterdir() if path.name.isdigit())
-    return sorted((row | asked for row in found if row is not None), key=lambda row: int(row["seed"]))
+    """The runs of a batch that are done, by seed. Raises InputError for a folder that is none.
+
+    What else is in the folder, as a batch may have been asked for fewer runs since, is no part of it.
+    """
+    batch = read_batch(folder)
+    asked, (first, last) = {"objects_asked": batch["settings"]["objects"]}, batch["seeds"]
+    found = (read_episode(folder / str(seed)) for seed in range(first, last + 1))
+    return [row | asked for row in found if row is not None]
 
 
 def made_by(folder: Path) -> dict[str, Any]:
@@ -191,9 +216,10 @@ def _write(
     settings: Mapping[str, Any],
     seeds: Sequence[int],
     rows: Mapping[int, Mapping[str, Any]],
-    made_with: Mapping[str, Any],
+    begun_by: str | None,
 ) -> dict[str, Any]:
     done = [rows[seed] for seed in seeds if seed in rows]
+    devices = dict.fromkeys(row["device"] for row in done if "device" in row)
     told = {
         "schema": SCHEMA,
         "settings": dict(settings),
@@ -205,7 +231,9 @@ def _write(
         "errors": errors(done),
         "losses": losses(done),
         "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
-        **made_with,
+        "versions": versions(),
+        "commit": begun_by,
+        "device": "; ".join(devices) or device(),
     }
     write_json(out / "batch.json", told)
     return told

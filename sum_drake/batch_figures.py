@@ -20,8 +20,10 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
     """Figures of episodes; shares are of objects, intervals by bootstrap over runs (95 %), `seed` is of its draws.
 
     A run that has no summary, as its process died, counts as one that sorted none of the objects it was to have, so
-    that nothing is gained by a crash. None is what cannot be told of so few.
+    that nothing is gained by a crash; what a run costs is told by those that came to their own end. None is what cannot
+    be told of so few.
     """
+    ended = [row for row in rows if row["state"] == "ended"]
     told = [row for row in rows if "objects_total" in row]
     total = np.array([objects_of(row) for row in rows], float)
     done = np.array([row.get("objects_sorted", 0) for row in rows], float)
@@ -32,7 +34,7 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
     violations = [sum(row["limits"]["violations"].values()) for row in told if row.get("limits")]
     figures = {
         "runs": len(rows),
-        "runs_ended": sum(row["state"] == "ended" for row in rows),
+        "runs_ended": len(ended),
         "runs_cleared": sum(row.get("outcome") == "cleared" for row in told),
         "crashes": sum(row["state"] in ("crashed", "failed", "lost") for row in rows),
         "hangs": sum(row["state"] == "timed_out" for row in rows),
@@ -47,8 +49,8 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
         "manipulation_errors": sum(row["manipulation_errors"] for row in told),
         "picks_per_simulated_hour": _share(3600.0 * moved, simulated),
         "limit_violations": sum(violations),
-        "cpu_s_per_run_median": _median([row["cpu_s"] for row in rows]),
-        "cpu_s_per_run_max": max((row["cpu_s"] for row in rows), default=float("nan")),
+        "cpu_s_per_run_median": _median([row["cpu_s"] for row in ended]),
+        "cpu_s_per_run_max": max((row["cpu_s"] for row in ended), default=float("nan")),
         **{f"{what}_median": _median([row["timing"][what] for row in told]) for what in COSTS},
         "peak_memory_mib_max": max((row["peak_memory_mib"] for row in rows), default=float("nan")),
     }
@@ -166,8 +168,8 @@ class Gain:
     """Of all objects of the pairs."""
     low95: float
     high95: float
-    """By bootstrap over pairs, so that what a pour makes hard for both cancels; they lie together where all differ by
-    the same."""
+    """95 %, by bootstrap over pairs, so that what a pour makes hard for both cancels, but no narrower than that of as
+    many independent objects: where few pairs differ, draws of them say too little."""
     p_value: float
     """How often signs drawn by chance would make a difference as large, either way: exact."""
 
@@ -182,9 +184,23 @@ def paired_difference(a: Sequence[Row], b: Sequence[Row], seed: int = 0) -> Gain
     if len(both) < 2 or (total[:, 0] != total[:, 1]).any() or not total.any():
         return None
     gain = np.array([y.get("objects_sorted", 0) - x.get("objects_sorted", 0) for x, y in both])
-    low, high = _drawn_interval(gain.astype(float), total[:, 0], seed)
-    share = float(gain.sum() / total[:, 0].sum())
-    return Gain(len(both), int(np.count_nonzero(gain)), share, low, high, _sign_flip(gain))
+    objects = float(total[:, 0].sum())
+    drawn = _drawn_interval(gain.astype(float), total[:, 0], seed)
+    apart = _gain_interval(gain, objects)
+    low, high = min(drawn[0], apart[0]), max(drawn[1], apart[1])
+    return Gain(len(both), int(np.count_nonzero(gain)), float(gain.sum() / objects), low, high, _sign_flip(gain))
+
+
+def _gain_interval(gains: Array, objects: float) -> tuple[float, float]:
+    """Of the share of objects that one sorts and not the other, less that of the reverse, as if they were independent.
+
+    From the exact intervals of both shares, whose distances from them are added in quadrature (Zou and Donner 2008).
+    """
+    more, less = float(gains[gains > 0].sum()), float(-gains[gains < 0].sum())
+    (low_more, high_more), (low_less, high_less) = (exact_interval(part, objects) for part in (more, less))
+    share, p_more, p_less = (more - less) / objects, more / objects, less / objects
+    low = share - float(np.hypot(p_more - low_more, high_less - p_less))
+    return low, share + float(np.hypot(high_more - p_more, p_less - low_less))
 
 
 def _sign_flip(gains: Array) -> float:

@@ -130,7 +130,7 @@ def _verdict(a: Batch, b: Batch) -> str:
     )
     sure = "more than chance would give" if told.p_value <= SURE else "chance may have given it"
     return (
-        f"{words} against A ({told.low95:+.3f} to {told.high95:+.3f} in 95 % of bootstrap draws over pairs): {sure}, "
+        f"{words} against A (95 % interval {told.low95:+.3f} to {told.high95:+.3f}): {sure}, "
         f"p = {told.p_value:.2g} by signs drawn at random."
     )
 

@@ -1,15 +1,25 @@
 """Episodes on a Dask cluster that exists: the same runs through the same interface as on this machine's processes."""
 
+import contextlib
 import dataclasses
+import re
 import socket
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sum_drake.assets import InputError, one_line
+from sum_drake.doctor import versions
 from sum_drake.episodes import Episode, EpisodeSpec, lost, run_episode
-from sum_drake.fingerprint import code
+from sum_drake.fingerprint import code_and_meshes, different
+from sum_drake.objects import load_catalogue
 
+if TYPE_CHECKING:
+    from distributed import Client
+
+ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://([^\s:/]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
+"""Of a scheduler. What is none is not handed to `distributed`, which retries it and ends in a traceback."""
 CONNECT_S = 20.0
 """How long the scheduler may take to answer, seconds."""
 
@@ -24,25 +34,41 @@ class Cluster:
     """
 
     address: str
+    catalogue: Path | None = None
+    """Of the runs; None: the package's. Workers read it at the same path."""
 
-    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
-        """As `batch.Executor.run`; files come back over the network.
+    def check(self) -> None:
+        """Raises InputError for what is no address, where nobody answers, and where `distributed` is missing."""
+        with self._client():
+            pass
 
-        Raises InputError where nobody answers, RuntimeError for a worker that cannot run what it is sent, and where
-        the scheduler goes away: what is the cluster's fault is no episode's result.
-        """
+    @contextlib.contextmanager
+    def _client(self) -> "Iterator[Client]":
         try:
-            from distributed import Client, KilledWorker, as_completed
+            from distributed import Client
         except ImportError:
             raise InputError("--cluster: distributed is missing; expected: pip install sum-drake[cluster]") from None
+        if not ADDRESS.fullmatch(self.address):
+            raise InputError(f"--cluster {self.address}: no address; expected a Dask scheduler's, as tcp://HOST:8786")
         try:
             client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise InputError(f"--cluster {self.address}: {one_line(error)}; expected a Dask scheduler") from None
         with client:
-            version = code()
+            yield client
+
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+        """As `batch.Executor.run`; files come back over the network.
+
+        Raises InputError as `check` does, RuntimeError for a worker that cannot run what it is sent, and where
+        the scheduler goes away: what is the cluster's fault is no episode's result.
+        """
+        with self._client() as client:
+            from distributed import KilledWorker, as_completed
+
+            here = _installed(self.catalogue)
             # Keys are the scheduler's, for all its clients: two batches may have runs of the same seed.
-            futures = {client.submit(_run_same, spec, version, pure=False): spec for spec in specs}
+            futures = {client.submit(_run_same, spec, self.catalogue, here, pure=False): spec for spec in specs}
             for future in as_completed(list(futures), loop=client.loop):
                 try:
                     episode = future.result()
@@ -57,8 +83,14 @@ class Cluster:
                 del futures[future]
 
 
-def _run_same(spec: EpisodeSpec, version: str) -> Episode:
-    """On a worker. Raises RuntimeError for a batch of another version of the program than is installed there."""
-    if code() != version:
-        raise RuntimeError(f"sum-drake on {socket.gethostname()} is of another version than the batch's")
+def _installed(catalogue: Path | None) -> dict[str, str]:
+    """What a run depends on but for its scenario: program, packages, weights and models, objects."""
+    return {**code_and_meshes(load_catalogue(catalogue)), **versions()}
+
+
+def _run_same(spec: EpisodeSpec, catalogue: Path | None, expected: Mapping[str, str]) -> Episode:
+    """On a worker. Raises RuntimeError where something else is installed than where the batch was asked for."""
+    other = different(_installed(catalogue), expected)
+    if other:
+        raise RuntimeError(f"{socket.gethostname()} has {other}, as the batch has")
     return run_episode(spec)

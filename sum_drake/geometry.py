@@ -3,9 +3,9 @@
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from sum_drake.types import Array, readonly
+from sum_drake.types import Array, Box, readonly
 
 
 def transform(R: Array, p: Array) -> Array:
@@ -136,6 +136,12 @@ def pose_error(X_WA: Array, X_WB: Array, symmetry: Symmetry) -> tuple[Array, Arr
     """Translation error in metres and rotation error in radians (symmetry-aware) of poses (..., 4, 4)."""
     translation = np.linalg.norm(X_WA[..., :3, 3] - X_WB[..., :3, 3], axis=-1)
     return np.asarray(translation), rotation_error(X_WA[..., :3, :3], X_WB[..., :3, :3], symmetry)
+
+
+def mask_box(mask: NDArray[np.bool_]) -> Box:
+    """The tightest box of the pixels (h, w) that are set. Raises ValueError where none is."""
+    rows, columns = np.nonzero(mask)
+    return float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1)
 
 
 def iou(a: ArrayLike, b: ArrayLike) -> Array:

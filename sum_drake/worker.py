@@ -19,7 +19,8 @@ def _end_with_the_pipe() -> None:
 
 
 if __name__ == "__main__":
-    limit = int(sys.argv[1]) << 20
+    asked, (_, hard) = int(sys.argv[1]) << 20, resource.getrlimit(resource.RLIMIT_DATA)
+    limit = asked if hard == resource.RLIM_INFINITY else min(asked, hard)  # nobody may raise what was lowered
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     threading.Thread(target=_end_with_the_pipe, daemon=True).start()
     sys.exit(main(sys.argv[2:]))

@@ -13,12 +13,15 @@ import pytest
 from refusals import refused
 
 from sum_drake import episodes
+from sum_drake.batch import read_episodes
 from sum_drake.cli import main
+from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec, run_episode
 from sum_drake.summary_schema import validate_summary
 from sum_drake.systems.scenario import dump_scenario, load_scenario
 
-SHORT = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
+SHORT = "{objects: {labels: [soup_can]}, simulation_duration: 1.0}"
+"""Long enough to look and to set out."""
 RUN_FILES = {"episode.json", "report.html", "run.mcap", "scenario.yaml", "summary.json"}
 
 
@@ -48,6 +51,7 @@ def test_each_run_is_a_folder_and_the_whole_is_told(undisturbed):
         summary = json.loads((undisturbed / seed / "summary.json").read_text())
         validate_summary(summary)
         assert summary["seed"] == int(seed)
+        assert summary["observations"][0]["tracks"] >= 1 and summary["attempts"][0]["kind"] == "pick_place"
     whole = told(undisturbed)
     assert (whole["schema"], whole["runs"], whole["done"]) == ("sum-drake/batch/1", 2, 2)
     assert [row["seed"] for row in whole["episodes"]] == [5, 6]
@@ -55,7 +59,7 @@ def test_each_run_is_a_folder_and_the_whole_is_told(undisturbed):
     figures = whole["figures"]
     assert (figures["runs"], figures["objects"], figures["objects_sorted_share"]) == (2, 2, 0)
     assert 100 < figures["peak_memory_mib_max"] < 4096
-    assert whole["causes"] == {"not believed there": 2}
+    assert whole["causes"] == whole["errors"] == {"aborted: cut_off": 2}
 
 
 def test_killed_half_way_and_called_again_it_is_the_same_batch(undisturbed, tmp_path):
@@ -68,7 +72,7 @@ def test_killed_half_way_and_called_again_it_is_the_same_batch(undisturbed, tmp_
     process.send_signal(signal.SIGKILL)
     process.wait()
     kept = {path.parent.name: path.stat().st_mtime_ns for path in out.glob("*/episode.json")}
-    assert main(batch(out, "--workers", "2", runs=3)) == 0
+    assert main(batch(out, "--workers", "4", runs=3)) == 0
     for seed, written in kept.items():
         assert (out / seed / "episode.json").stat().st_mtime_ns == written, "what was kept is not run again"
     assert sorted(path.name for path in out.iterdir()) == ["5", "6", "7", "batch.json"]
@@ -142,9 +146,27 @@ def test_a_batch_that_was_killed_at_its_first_write_goes_on(tmp_path):
     assert told(out)["done"] == 1
 
 
+def test_a_batch_says_what_made_its_runs_whoever_counts_them(undisturbed, tmp_path, capsys):
+    out = tmp_path / "out"
+    shutil.copytree(undisturbed, out)
+    row = json.loads((out / "5" / "episode.json").read_text())
+    (out / "5" / "episode.json").write_text(json.dumps({**row, "device": "another machine"}))
+    (out / "batch.json").write_text(json.dumps({**told(out), "commit": "begun"}))
+    assert main(batch(out)) == 0
+    assert told(out)["device"] == f"another machine; {row['device']}" and told(out)["commit"] == "begun"
+    assert main(batch(out, runs=1)) == 0
+    assert [one["seed"] for one in read_episodes(out)] == [5], "the other is no part of it any longer"
+    (out / "batch.json").write_text(json.dumps({**told(out), "versions": {**versions(), "drake": "1.0"}}))
+    assert f"is of drake 1.0 and not {versions()['drake']}; expected a new --out" in refused(capsys, *batch(out))
+
+
 def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     assert "--runs 0: expected at least 1" in refused(capsys, *batch(tmp_path / "a", runs=0))
-    assert "--time-limit 0" in refused(capsys, *batch(tmp_path / "a", "--time-limit", "0"))
+    for limit in ("0", "nan", "inf", "1e300"):
+        assert f"--time-limit {float(limit):g}" in refused(capsys, *batch(tmp_path / "a", "--time-limit", limit))
+    for limit in ("511", "99999999999999"):
+        line = refused(capsys, *batch(tmp_path / "a", "--memory-limit", limit))
+        assert f"--memory-limit {limit}: expected 512" in line
     line = refused(capsys, *batch(undisturbed, "--scenario-text", "{objects: {labels: [mug]}}"))
     assert "batch.json: is of" in line and "expected a new --out" in line
     foreign = tmp_path / "foreign"
@@ -153,7 +175,11 @@ def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     assert "holds no batch" in refused(capsys, *batch(foreign))
     broken = tmp_path / "broken"
     shutil.copytree(undisturbed, broken)
-    (broken / "5" / "episode.json").write_text("{")
-    assert "to run it again" in refused(capsys, *batch(broken))
-    (broken / "batch.json").write_text("[]")
-    assert "expected a batch's" in refused(capsys, *batch(broken))
+    for text in ("{", '{"schema": "sum-drake/episode/1"}'):
+        (broken / "5" / "episode.json").write_text(text)
+        assert "to run it again" in refused(capsys, *batch(broken))
+    whole = told(undisturbed)
+    for damaged in ([], whole | {"episodes": [1]}, whole | {"episodes": [{"seed": 5}]}, whole | {"settings": {}}):
+        (broken / "batch.json").write_text(json.dumps(damaged))
+        assert "expected a batch's" in refused(capsys, *batch(broken))
+        assert "expected a batch's" in refused(capsys, "report", str(broken))

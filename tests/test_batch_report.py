@@ -84,10 +84,11 @@ def test_equal_batches_are_said_to_be_equal(tmp_path: Path) -> None:
 
 def test_what_differs_is_counted_in_pairs(tmp_path: Path) -> None:
     a = write_batch(tmp_path / "a", [row(i, 4) for i in range(8)])
-    b = write_batch(tmp_path / "b", [row(i, 5) for i in range(7)] + [row(11, 0)], settings={"code": "c"})
+    b = write_batch(tmp_path / "b", [row(i, 5) for i in range(7)] + [row(11, 0)], settings={"objects": 5, "code": "c"})
     told = paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"])
     assert told is not None and (told.runs, told.differ) == (7, 7)
-    assert (told.share, told.low95, told.high95) == pytest.approx((0.2, 0.2, 0.2)), "every pour by one of five"
+    assert told.share == pytest.approx(0.2), "every pour by one of five"
+    assert told.low95 < 0.1 and told.high95 > 0.3, "seven of 35 objects, as if each were on its own"
     assert told.p_value == pytest.approx(2 / 2**7)
     words = words_of(a, b)
     assert "B sorted +0.200 of the objects against A" in words and ": more than chance would give, p = 0.016" in words
@@ -99,11 +100,22 @@ def test_few_pairs_that_differ_are_no_proof_however_many_do_not(tmp_path: Path) 
     a = write_batch(tmp_path / "a", [row(i, 5) for i in range(40)])
     b = write_batch(tmp_path / "b", [row(i, 4 if i < 5 else 5) for i in range(40)])
     told = paired_difference(read_batch(a)["episodes"], read_batch(b)["episodes"])
-    assert told is not None and told.high95 < 0, "by draws of runs alone it would be sure"
+    assert told is not None and told.high95 > -0.001, "by draws of runs alone it would be sure"
     assert told.p_value == pytest.approx(2 / 2**5)
     assert "chance may have given it, p = 0.062" in words_of(a, b)
     larger = write_batch(tmp_path / "c", [row(i, 9, total=10) for i in range(40)])
     assert paired_difference(read_batch(a)["episodes"], read_batch(larger)["episodes"]) is None, "other pours"
+
+
+def test_where_no_pair_differs_the_interval_says_how_little_that_proves(tmp_path: Path) -> None:
+    ends = []
+    for n in (2, 20, 60):
+        rows = [row(i, 5) | {"digest": str(i)} for i in range(n)]
+        told = paired_difference(rows, [one | {"digest": "other"} for one in rows])
+        assert told is not None and (told.differ, told.share, told.p_value) == (0, 0.0, 1.0)
+        assert told.low95 == pytest.approx(-told.high95)
+        ends.append(told.high95)
+    assert ends == pytest.approx([1 - 0.025 ** (1 / (5 * n)) for n in (2, 20, 60)]), "the exact bound of none of them"
 
 
 def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
@@ -112,7 +124,7 @@ def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
     )
     words = words_of(a, b)
     assert (
-        "B sorted -1.000 of the objects against A (-1.000 to -1.000" in words
+        "B sorted -1.000 of the objects against A (95 % interval -1.000 to +0.191)" in words
         and "chance may have given it, p = 0.5" in words
     )
     assert "2 of 2" in words_of(a) and "objects sorted: 1.000, 0.158 to 1.000" in words_of(a)

@@ -1,7 +1,11 @@
 """All benches in turn."""
 
-import pytest
+import json
 
+import pytest
+from refusals import refused
+
+from sum_drake.bench.results import write_results
 from sum_drake.cli import main
 from sum_drake.commands.bench_runs import BENCHES
 
@@ -10,7 +14,7 @@ def test_what_is_done_is_not_done_again_and_what_fails_is_told_and_ends_nothing(
     failing = ("sort", "faults")
     for name in BENCHES:
         (tmp_path / name).mkdir()
-        (tmp_path / name / "results.json").write_text("done")
+        write_results(tmp_path / name, name, quick=True, settings={}, seeds={}, figures={}, rows=[])
     for name in failing:
         (tmp_path / name / "results.json").unlink()
         (tmp_path / name / "notes.txt").write_text("somebody's own")
@@ -22,6 +26,32 @@ def test_what_is_done_is_not_done_again_and_what_fails_is_told_and_ends_nothing(
     for name in BENCHES:
         assert (f"bench {name} " in said) == (name in failing)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_results_of_something_else_are_not_taken_for_done(tmp_path, capsys):
+    out = ("bench", "all", "--out", str(tmp_path))
+    (tmp_path / "pose").mkdir()
+    write_results(tmp_path / "pose", "pose", quick=True, settings={"code": "0" * 16}, seeds={}, figures={}, rows=[])
+    file = tmp_path / "pose" / "results.json"
+    assert "of the short form; expected a new --out" in refused(capsys, *out)
+    assert "of another version of the program; expected a new --out" in refused(capsys, *out, "--quick")
+    file.write_text(json.dumps({**json.loads(file.read_text()), "bench": "plan"}))
+    assert "of bench plan" in refused(capsys, *out, "--quick")
+    file.write_text("done")
+    assert "expected results of bench pose" in refused(capsys, *out, "--quick")
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "pose"], "nothing was begun"
+    assert "a file; expected a folder" in refused(capsys, "bench", "all", "--out", str(file))
+
+
+@pytest.mark.parametrize("name", ["sort", "faults", "ablations"])
+def test_what_is_done_is_not_replaced_unasked_and_what_a_killed_process_left_is_no_obstacle(name, tmp_path, capsys):
+    write_results(tmp_path, name, quick=True, settings={}, seeds={}, figures={}, rows=[])
+    (tmp_path / ".report.html.part").write_text("half")
+    before = (tmp_path / "results.json").read_bytes()
+    assert "is done; expected a new folder, or --force" in refused(capsys, "bench", name, "--out", str(tmp_path))
+    assert (tmp_path / "results.json").read_bytes() == before
+    (tmp_path / "notes.txt").write_text("somebody's own")
+    assert "holds 'notes.txt'" in refused(capsys, "bench", name, "--out", str(tmp_path), "--force")
 
 
 def test_bad_arguments_are_refused_before_anything_is_run(tmp_path, capsys):

@@ -3,10 +3,12 @@
 import json
 
 import pytest
+from refusals import refused
 from test_batch_figures import attempt, run
 
+from sum_drake.assets import InputError
 from sum_drake.batch import Processes, read_episodes
-from sum_drake.bench.sort import AIMS, PAPER, bench_sort, sort_figures
+from sum_drake.bench.sort import AIMS, PAPER, bench_sort, read_batches, sort_figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare
 from sum_drake.systems.scenario import load_scenario
@@ -24,7 +26,7 @@ def died(seed, objects):
 
 
 def test_the_papers_table_is_the_papers():
-    assert sum(PAPER["trials"]) == 43 and sum(PAPER["errors"]) == 6
+    assert sum(PAPER["trials"]) == 43 and sum(PAPER["failed"]) == 6
     assert sum(share * count for share, count in zip(PAPER["completion"], PAPER["objects"], strict=True)) == 38
 
 
@@ -53,7 +55,8 @@ def test_sequences_are_run_and_told_and_gone_on_with(tmp_path):
     specs, settings = prepare(load_scenario(text=text, seed=3), 3, 2)
     told = [
         bench_sort(
-            tmp_path, specs, settings, Processes(2), [], quick=True, progress=lambda what, done, total: None
+            tmp_path, specs, settings, Processes(2), [], usual=lambda count: settings, quick=True,
+            progress=lambda what, done, total: None,
         )
         for _ in range(2)
     ]  # fmt: skip
@@ -78,12 +81,13 @@ def test_a_run_counts_once_and_the_page_says_what_the_runs_were_of(tmp_path, cap
     batch = ["batch", "--runs", "1", "--first-seed", "5", "--scenario-text", text, "--quiet"]
     for name in ("a", "b"):
         assert main([*batch, "--out", str(tmp_path / name)]) == 0
-    twice = [part for name in ("a", "b") for part in ("--batch", str(tmp_path / name))]
-    assert main(["bench", "sort", "--quick", "--out", str(tmp_path / "out"), *twice]) == 2
-    assert "seed 5 is in" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    line = refused(capsys, "bench", "sort", "--quick", "--out", str(tmp_path / "out"), "--batch", str(tmp_path / "a"))
+    assert "is of another scenario" in line and not (tmp_path / "out").exists()
     specs, settings = prepare(load_scenario(text=text, seed=3), 3, 1)
+    with pytest.raises(InputError, match="seed 5 is in"):
+        read_batches([tmp_path / "a", tmp_path / "b"], lambda count: settings)
     bench_sort(
-        tmp_path / "out", specs, settings, Processes(1), [tmp_path / "a"], quick=True,
+        tmp_path / "out", specs, settings, Processes(1), [tmp_path / "a"], usual=lambda count: settings, quick=True,
         progress=lambda what, done, total: None,
     )  # fmt: skip
     assert "1 runs of 1 objects, seeds 5 to 5; commit" in (tmp_path / "out" / "report.html").read_text()

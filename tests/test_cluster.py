@@ -5,13 +5,13 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
-from refusals import refused
-from test_batch import SHORT, batch, digests
+from test_batch import batch, digests
 
 from sum_drake.cli import main
-from sum_drake.cluster import _run_same
+from sum_drake.cluster import _installed, _run_same
 from sum_drake.episodes import EpisodeSpec
 
 pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
@@ -19,8 +19,9 @@ pytestmark = [pytest.mark.cluster, pytest.mark.slow]
 
 
 @pytest.fixture
-def scheduler():
-    """Its address, and a function that starts a worker."""
+def scheduler(request, monkeypatch):
+    """Its address, and functions that start a worker and end the scheduler. Parameter: what it may lose with a task."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", str(getattr(request, "param", 3)))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -31,23 +32,20 @@ def scheduler():
         begun.append(subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
         return begun[-1]
 
-    start("scheduler", "--host", address, "--no-dashboard")
-    yield address, lambda: start("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    whole = start("scheduler", "--host", address, "--no-dashboard")
+    yield address, lambda: start("worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"), whole.kill
     for process in begun:
         process.kill()
         process.wait()
 
 
 def test_a_lost_worker_loses_no_episode_and_changes_none(scheduler, tmp_path):
-    address, start_worker = scheduler
+    address, start_worker, _ = scheduler
     first, out = start_worker(), tmp_path / "cluster"
-    command = [sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=3)]
-    running = subprocess.Popen(command)
-    while not list(out.glob("*/episode.json")):
-        assert running.poll() is None, "it ended before a worker was killed"
-        time.sleep(0.05)
-    first.kill()  # at its second episode
+    running = subprocess.Popen([sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=3)])
     start_worker()
+    wait_for(lambda: runs_an_episode(first), running)
+    first.kill()
     assert running.wait(timeout=300) == 0
     alone = tmp_path / "alone"
     assert main(batch(alone, "--workers", "2", runs=3)) == 0
@@ -56,11 +54,66 @@ def test_a_lost_worker_loses_no_episode_and_changes_none(scheduler, tmp_path):
     assert [row["state"] for row in rows] == ["ended"] * 3
 
 
-def test_where_nobody_answers_it_is_said(tmp_path, capsys):
-    line = refused(capsys, *batch(tmp_path / "out", "--cluster", "tcp://127.0.0.1:9", text=SHORT))
-    assert "--cluster tcp://127.0.0.1:9" in line and "expected a Dask scheduler" in line
+@pytest.mark.parametrize("scheduler", [0], indirect=True)
+def test_an_episode_that_takes_its_workers_along_is_a_result(scheduler, tmp_path):
+    address, start_worker, _ = scheduler
+    first, out = start_worker(), tmp_path / "out"
+    running = subprocess.Popen([sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=1)])
+    wait_for(lambda: runs_an_episode(first), running)
+    first.kill()
+    start_worker()
+    assert running.wait(timeout=300) == 0
+    row = json.loads((out / "5" / "episode.json").read_text())
+    assert row["state"] == "lost" and "worker" in row["reason"]
+    assert json.loads((out / "batch.json").read_text())["causes"] == {"the run lost": 1}
 
 
-def test_a_worker_of_another_version_runs_nothing():
-    with pytest.raises(RuntimeError, match="another version than the batch's"):
-        _run_same(EpisodeSpec(5, "", 1.0, 512), "0" * 16)
+def test_a_batch_whose_scheduler_goes_away_ends_and_goes_on_elsewhere(scheduler, tmp_path):
+    address, start_worker, end = scheduler
+    first, out = start_worker(), tmp_path / "out"
+    command = [sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=2)]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    wait_for(lambda: runs_an_episode(first), running)
+    end()
+    _, said = running.communicate(timeout=120)
+    assert running.returncode == 1 and "Traceback" not in said
+    assert said.splitlines()[-1].endswith("the scheduler is gone; the same command goes on")
+    assert main(batch(out, "--workers", "2", runs=2)) == 0
+    assert len(digests(out)) == 2
+
+
+def runs_an_episode(worker):
+    children = Path(f"/proc/{worker.pid}/task").glob("*/children")
+    return any("sum_drake.worker" in command(pid) for file in children for pid in file.read_text().split())
+
+
+def command(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:  # it has ended
+        return ""
+
+
+def wait_for(condition, running):
+    while not condition():
+        assert running.poll() is None, "the batch ended before"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("address", ["foo", "tcp://127.0.0.1:port", "http://127.0.0.1:8786", "tcp://127.0.0.1:9"])
+def test_where_nobody_answers_it_is_said_and_nothing_written(address, tmp_path):
+    """In a process of its own: what a client leaves behind is said when that ends."""
+    call = [sys.executable, "-m", "sum_drake", *batch(tmp_path / "out", "--cluster", address)]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=100, check=False)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2 and line.startswith(f"sum-drake: --cluster {address}: ") and "expected a Dask" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_worker_on_which_something_else_is_installed_runs_nothing():
+    spec, here = EpisodeSpec(5, "", 1.0, 512), _installed(None)
+    for part, words in {"code": "another version of the program", "models": "other models"}.items():
+        with pytest.raises(RuntimeError, match=words):
+            _run_same(spec, None, {**here, part: "0" * 16})
+    with pytest.raises(RuntimeError, match=f"drake {here['drake']} and not 1.0"):
+        _run_same(spec, None, {**here, "drake": "1.0"})

@@ -24,8 +24,8 @@ VARIANTS: dict[str, tuple[str, str]] = {
     DEFAULT: ("the system as it is", "{}"),
     "paper_filter": ("the published pose filter", "{filter: paper}"),
     "no_existence": (
-        "the paper's score in the place of the learned probability of existence, at the threshold at which it keeps "
-        "what is right of the trained detector's hypotheses (.996) and rejects most of the rest (.56)",
+        "the paper's score in the place of the learned probability of existence, at a threshold that keeps nearly all "
+        "that is right of the trained detector's hypotheses",
         "{acceptance: {by: score, threshold: 0.35}}",
     ),
     "no_action_model": ("each look starts anew, whatever was done and believed", "{association: {carry: false}}"),
@@ -176,8 +176,8 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         [
             "<h1>What each ingredient is worth</h1>",
             "<p>The same pours, sorted with one thing changed. Gain: of the objects, how many more are sorted than by "
-            "default, over pairs of runs; in brackets, 95 % of bootstrap draws over pairs; p: how often signs drawn at "
-            "random make as large a difference.</p>",
+            "default, over pairs of runs; in brackets, 95 % intervals; p: how often signs drawn at random make as "
+            "large a difference.</p>",
             page.table(("variant", "what is changed", "runs", "sorted", "gain", "pairs that differ", "p", "missorted",
                         "trials an object", "CPU s a run"), table),
             "<h2>What was lost, by cause</h2>",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.detection.arrangement import TABLE, Body, Ground, pour
-from sum_drake.geometry import inverse, transform
+from sum_drake.geometry import inverse, mask_box, transform
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer, coarse, mesh_arrays
 from sum_drake.seeds import derive
@@ -75,7 +75,9 @@ def pose_scene(catalogue: Catalogue, renderer: DepthRenderer, seed: int) -> Pose
     sensor = "structured_light" if seed % 2 == 0 else "stereo" if seed < FIRST_SCENE else "wide_stereo"
     noisy = add_depth_noise(depth, camera, rng, SENSORS[sensor])
     frame = Frame(0, np.zeros((*depth.shape, 3), np.uint8), noisy, camera, readonly(X_WC))
-    boxes = {label: _box(owner == i) for i, label in enumerate(X_WOs) if np.count_nonzero(owner == i) >= LEAST_PIXELS}
+    boxes = {
+        label: mask_box(owner == i) for i, label in enumerate(X_WOs) if np.count_nonzero(owner == i) >= LEAST_PIXELS
+    }
     instances = []
     for i, (label, X_WO) in enumerate(X_WOs.items()):
         share = float(np.count_nonzero(owner == i)) / max(alone[i], 1)
@@ -130,11 +132,6 @@ def _compose(
         nearer = (z > 0) & ((depth == 0) | (z < depth))
         depth, owner = np.where(nearer, z, depth), np.where(nearer, i, owner)
     return np.where(depth < HeadCameraConfig().depth_max, depth, 0).astype(np.float32), owner, alone
-
-
-def _box(mask: NDArray[np.bool_]) -> Box:
-    rows, columns = np.nonzero(mask)
-    return float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1)
 
 
 def _jittered(box: Box, jitter: Array) -> Box:

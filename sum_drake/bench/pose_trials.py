@@ -15,7 +15,7 @@ from sum_drake.bench.tables import Onlooker, pour_table
 from sum_drake.bench.watching import Setting, Tables
 from sum_drake.detection.inference import Detector
 from sum_drake.evaluation import TRUE_IOU, Truth, score_observation
-from sum_drake.geometry import inverse, iou
+from sum_drake.geometry import inverse, iou, mask_box
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer
 from sum_drake.seeds import derive
@@ -43,14 +43,13 @@ def trial_scene(catalogue: Catalogue, exact: DepthRenderer, detector: Detector, 
     found = detector(sight.frame.color, sight.frame.depth)
     instances = []
     for i, thing in enumerate(table.things, start=1):
-        rows, columns = np.nonzero(sight.owners == i)
-        if len(rows) == 0:
+        own = sight.owners == i
+        if not own.any():
             continue
-        true = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
-        box = true_positive(found, thing.name, true)
+        box = true_positive(found, thing.name, mask_box(own))
         if box is not None:
             alone = exact.depth(thing.name, inverse(sight.frame.X_WC) @ thing.X_WO, sight.frame.camera)
-            share = len(rows) / max(int(np.count_nonzero(alone)), 1)
+            share = int(np.count_nonzero(own)) / max(int(np.count_nonzero(alone)), 1)
             instances.append(Instance(thing.name, thing.X_WO, box, min(share, 1.0), wrong_box=False))
     return PoseScene(seed, sight.frame, tuple(instances), SENSOR)
 

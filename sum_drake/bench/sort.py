@@ -4,18 +4,19 @@ The sequences are a batch like any other, in `sequences/` of the bench's folder:
 are of the sequences, unless batches of more runs are given, by number of objects on the table.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, made_by, read_episodes, run_batch
+from sum_drake.batch import Executor, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
+from sum_drake.fingerprint import different
 
 FILES = ("results.json", "report.html", "sequences")
 AIMS: Aims = {
@@ -30,7 +31,7 @@ SEQUENCES, OBJECTS = 8, 5
 """How many, of how many objects each: the paper's."""
 PAPER: dict[str, tuple[float, ...]] = {
     "objects": (5,) * 8,
-    "errors": (1, 1, 2, 0, 0, 1, 1, 0),
+    "failed": (1, 1, 2, 0, 0, 1, 1, 0),
     "trials": (4, 6, 7, 5, 5, 5, 6, 5),
     "completion": (0.8, 1.0, 1.0, 1.0, 1.0, 0.8, 1.0, 1.0),
 }
@@ -44,6 +45,7 @@ def bench_sort(
     executor: Executor,
     batches: Sequence[Path],
     *,
+    usual: Callable[[int], Mapping[str, Any]],
     quick: bool,
     progress: Any,
 ) -> dict[str, float]:
@@ -51,10 +53,9 @@ def bench_sort(
 
     Raises InputError as `read_batches` does.
     """
-    larger = read_batches(batches)
+    larger = read_batches(batches, usual)
     run_batch(out / "sequences", specs, settings, executor, progress)
-    seeds = {spec.seed for spec in specs}
-    sequences = [row for row in read_episodes(out / "sequences") if row["seed"] in seeds]
+    sequences = read_episodes(out / "sequences")
     found = sort_figures(sequences, larger)
     rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
     for kind, of in by_kind(sequences, larger).items():
@@ -68,8 +69,22 @@ def bench_sort(
     return found
 
 
-def read_batches(folders: Sequence[Path]) -> list[dict[str, Any]]:
-    """The runs of batches. Raises InputError for a folder that is none, and for a run that is in two of them."""
+SAME = ("scenario", "catalogue", "meshes", "models")
+"""Settings of a batch that have to be the usual ones. Its program may be another: the page says which commit's."""
+
+
+def read_batches(folders: Sequence[Path], usual: Callable[[int], Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The runs of batches.
+
+    usual: settings of runs of so many objects that nothing was changed about. Raises InputError for a folder that is no
+    batch or one of another scenario, other objects or weights, and for a run that is in two of them.
+    """
+    for folder in folders:
+        made = read_batch(folder)["settings"]
+        expected = usual(made["objects"])
+        differs = different(made, {name: expected[name] for name in SAME})
+        if differs:
+            raise InputError(f"--batch {folder}: is of {differs}; expected runs of the scenario as it comes")
     rows = [(folder, row) for folder in folders for row in read_episodes(folder)]
     first: dict[tuple[int, int], Path] = {}
     for folder, row in rows:
@@ -112,8 +127,8 @@ def _row(table: str, row: Row) -> dict[str, Any]:
     return {"table": table, **{name: row[name] for name in kept if name in row}}
 
 
-def _told_of(batch: Mapping[str, Any]) -> str:
-    """What a batch was made of and with, `made_by`."""
+def told_of(batch: Mapping[str, Any]) -> str:
+    """What a batch was made of and with, as `batch.made_by` tells it, in words."""
     (first, last), done = batch["seeds"], batch["done"]
     told = f"{done} runs of {batch['settings']['objects']} objects, seeds {first} to {last}"
     told += "" if done == batch["runs"] else f" of which {batch['runs'] - done} are not done"
@@ -137,12 +152,12 @@ def _page(
             "Ours",
             [str(row["seed"]) for row in sequences],
             objects=[objects_of(row) for row in sequences],
-            errors=[row.get("manipulation_errors", 0) for row in sequences],
+            failed=[row.get("manipulation_errors", 0) for row in sequences],
             trials=[row.get("manipulation_trials", 0) for row in sequences],
             completion=[row.get("objects_sorted", 0) / max(objects_of(row), 1) for row in sequences],
         ),
         "<h2>Figures</h2>",
-        *(f"<p>{page.text(_told_of(batch))}</p>" for batch in batches),
+        *(f"<p>{page.text(told_of(batch))}</p>" for batch in batches),
         page.table(
             ("figure", "value", "aim"),
             [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],
@@ -176,7 +191,7 @@ def _table(
     names: Sequence[str],
     *,
     objects: Sequence[float],
-    errors: Sequence[float],
+    failed: Sequence[float],
     trials: Sequence[float],
     completion: Sequence[float],
 ) -> str:
@@ -184,7 +199,7 @@ def _table(
     done = sum(share * count for share, count in zip(completion, objects, strict=True)) / max(sum(objects), 1)
     rows = [
         ("objects", *map(str, objects), str(sum(objects))),
-        ("manipulation errors", *map(str, errors), str(sum(errors))),
+        ("manipulation errors", *map(str, failed), str(sum(failed))),
         ("manipulation trials", *map(str, trials), str(sum(trials))),
         ("completion ratio", *(f"{share:.2f}" for share in completion), f"{done:.3f}"),
     ]

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sum_drake.systems.scenario import Scenario
 
 TIME_LIMIT_S, MEMORY_MIB = 3600.0, 4096
+LONGEST_S, LEAST_MIB, MOST_MIB = 1e7, 512, 1 << 30
+"""Of what may be asked for: beyond, timers and the kernel's limits overflow."""
 
 
 def add(commands: Commands) -> None:
@@ -81,15 +83,17 @@ def prepare(
 
 
 def _run(options: argparse.Namespace) -> None:
-    from sum_drake.batch import Executor, Processes, check_batch, run_batch
+    from sum_drake.batch import Processes, check_batch, run_batch
+    from sum_drake.cluster import Cluster
     from sum_drake.doctor import require_rendering
 
     check_count("--runs", options.runs)
     check_count("--first-seed", options.first_seed, 0)
     check_count("--workers", options.workers)
-    check_count("--memory-limit", options.memory_limit, 512)
-    if not options.time_limit > 0:
-        raise InputError(f"--time-limit {options.time_limit:g}: expected more than 0 seconds")
+    if not 0 < options.time_limit <= LONGEST_S:
+        raise InputError(f"--time-limit {options.time_limit:g}: expected more than 0 and at most {LONGEST_S:g} seconds")
+    if not LEAST_MIB <= options.memory_limit <= MOST_MIB:
+        raise InputError(f"--memory-limit {options.memory_limit}: expected {LEAST_MIB} to {MOST_MIB} MiB")
     scenario = scenario_of(options, options.first_seed)
     specs, settings = prepare(
         scenario, options.first_seed, options.runs, time_limit_s=options.time_limit, memory_mib=options.memory_limit
@@ -97,11 +101,10 @@ def _run(options: argparse.Namespace) -> None:
     check_batch(options.out, settings)
     if options.cluster is None:
         require_rendering()
-        executor: Executor = Processes(options.workers)
+        executor: Processes | Cluster = Processes(options.workers)
     else:
-        from sum_drake.cluster import Cluster
-
-        executor = Cluster(options.cluster)
+        executor = Cluster(options.cluster, Path(scenario.catalogue) if scenario.catalogue else None)
+        executor.check()
     kept = f"{options.out} keeps what was done: the same command goes on"
     with if_interrupted(lambda: kept, quiet=options.quiet):
         told = run_batch(options.out, specs, settings, executor, Counting(quiet=options.quiet))

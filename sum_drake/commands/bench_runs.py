@@ -1,11 +1,13 @@
 """`sum-drake bench sort`, `faults`, `ablations` and `all`: experiments of whole runs, and all experiments in turn."""
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sum_drake.assets import InputError, one_line
 from sum_drake.commands.batch import prepare
 from sum_drake.commands.common import (
     AGAIN,
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "ablations", "speed")
 """In the order of `bench all`."""
-FIRST_SEEDS = {"sort": 500, "faults": 700, "ablations": 1000}
+FIRST_SEEDS = {"sort": 500, "faults": 700, "ablations": 1200}
 """What each was mended on, and was not, is in benchmarks/seeds.md."""
 ANEW = ("detect", "speed")
 """Those that begin anew where they were cut off."""
@@ -45,7 +47,7 @@ def add(benches: Commands) -> None:
     text = "what each ingredient of the whole system is worth, in objects sorted on the same pours"
     worth = add_command(benches, "ablations", _bench_ablations, text, "bench ablations --out out/ablations")
     _add_usual(worth, "one run of one object each", FIRST_SEEDS["ablations"])
-    worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20)")
+    worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20; with --quick 1)")
     worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them, beside the default (default: all)")
     worth.add_argument(
         "--default", type=Path, metavar="DIR",
@@ -65,7 +67,15 @@ def _add_usual(one: argparse.ArgumentParser, quick: str, seed: int) -> None:
     one.add_argument("--quick", action="store_true", help=quick)
     one.add_argument("--seed", type=int, metavar="S", default=seed, help=f"of the first run (default: {seed})")
     add_parallel(one, "--workers", "runs at a time")
+    one.add_argument("--force", action="store_true", help="write results anew where they are; the runs are kept")
     add_quiet(one)
+
+
+def _check_out(options: argparse.Namespace, files: tuple[str, ...]) -> None:
+    """Refuses a folder of something else, and one that is done. files: what the bench leaves, its results first."""
+    check_free(options.out, files, force=True, what="bench")
+    if (options.out / files[0]).is_file() and not options.force:
+        raise InputError(f"--out {options.out}: is done; expected a new folder, or --force to write its results anew")
 
 
 def _bench_sort(options: argparse.Namespace) -> None:
@@ -73,13 +83,16 @@ def _bench_sort(options: argparse.Namespace) -> None:
     from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort, read_batches
     from sum_drake.systems.scenario import load_scenario
 
-    read_batches(options.batch)  # what cannot be read is said before anything is run
+    def usual(count: int) -> dict[str, Any]:
+        return prepare(load_scenario(objects=count), 0, 1)[1]
+
+    read_batches(options.batch, usual)  # what cannot be read is said before anything is run
     runs, objects = (2, 2) if options.quick else (SEQUENCES, OBJECTS)
 
     def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
         executor, progress = Processes(options.workers), Counting(quiet=options.quiet)
         return bench_sort(
-            options.out, specs, settings, executor, options.batch, quick=options.quick, progress=progress
+            options.out, specs, settings, executor, options.batch, usual=usual, quick=options.quick, progress=progress
         )  # fmt: skip
 
     check_count("--seed", options.seed, 0)
@@ -110,20 +123,20 @@ def _bench_ablations(options: argparse.Namespace) -> None:
     check_count("--workers", options.workers)
     check_count("--seed", options.seed, 0)
     check_count("--runs", options.runs)
-    check_free(options.out, FILES, force=True, what="bench")
-    runs, objects = (QUICK_RUNS, QUICK_OBJECTS) if options.quick else (options.runs or RUNS, OBJECTS)
+    _check_out(options, FILES)
+    usual, objects = (QUICK_RUNS, QUICK_OBJECTS) if options.quick else (RUNS, OBJECTS)
+    runs = options.runs or usual
 
     def prepared(text: str) -> "tuple[list[EpisodeSpec], dict[str, Any]]":
         return prepare(load_scenario(text=text, seed=options.seed, objects=objects), options.seed, runs)
 
     require_rendering()
-    try:
+    kept = f"{options.out} keeps what was done: the same command goes on"
+    with if_interrupted(lambda: kept, quiet=options.quiet):
         found = bench_ablations(
             options.out, prepared, Processes(options.workers), variants=options.variants or tuple(VARIANTS),
             default=options.default, quick=options.quick, progress=Counting(quiet=options.quiet),
         )  # fmt: skip
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"{options.out} keeps what was done: the same command goes on") from None
     print(format_figures(found, {}))
     print(options.out / "report.html")
 
@@ -142,7 +155,7 @@ def _run(
     from sum_drake.doctor import require_rendering
 
     check_count("--workers", options.workers)
-    check_free(options.out, files, force=True, what="bench")
+    _check_out(options, files)
     specs, settings = prepare(scenario, options.seed, runs)
     check_batch(options.out / files[-1], settings)
     require_rendering()
@@ -156,11 +169,12 @@ def _run(
 def _bench_all(options: argparse.Namespace) -> None:
     """Those whose results are there are not done again."""
     check_count("--workers", options.workers)
+    if options.out.exists() and not options.out.is_dir():
+        raise InputError(f"--out {options.out}: a file; expected a folder or a new name")
+    done = {name for name in BENCHES if _is_done(options.out / name / "results.json", name, options.quick)}
     failed = []
-    for name in BENCHES:
+    for name in (name for name in BENCHES if name not in done):
         out = options.out / name
-        if (out / "results.json").is_file():
-            continue
         arguments = ["bench", name, "--out", str(out)]
         arguments += ["--quick"] if options.quick else []
         arguments += ["--force"] if name in ANEW and out.is_dir() else []
@@ -174,3 +188,24 @@ def _bench_all(options: argparse.Namespace) -> None:
             failed.append(name)
     if failed:
         raise RuntimeError(f"{', '.join(failed)}: see above")
+
+
+def _is_done(file: Path, name: str, quick: bool) -> bool:
+    """Whether a bench's results are there. Raises InputError where they are others than would be made now."""
+    from sum_drake.bench.results import SCHEMA
+    from sum_drake.fingerprint import code
+
+    if not file.is_file():
+        return False
+    try:
+        told = json.loads(file.read_text())
+        found = told["schema"], told["bench"], told["quick"], told["settings"].get("code", code())
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: {one_line(error)}; expected results of bench {name}") from None
+    if found[:2] != (SCHEMA, name):
+        raise InputError(f"{file}: of bench {found[1]}, {found[0]}; expected results of bench {name}, {SCHEMA}")
+    if found[2] != quick:
+        raise InputError(f"{file}: of the {'short' if found[2] else 'long'} form; expected a new --out")
+    if found[3] != code():
+        raise InputError(f"{file}: of another version of the program; expected a new --out")
+    return True

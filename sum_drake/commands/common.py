@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, TypeAlias
 
 from sum_drake.assets import InputError
+from sum_drake.files import PART
 
 if TYPE_CHECKING:
     from sum_drake.systems.scenario import Scenario
@@ -100,7 +101,8 @@ def check_free(out: Path, names: Sequence[str], *, force: bool, what: str = "run
         raise InputError(
             f"--out {out}: exists and is not empty; expected a new folder, or --force to replace the {what}"
         )
-    foreign = sorted(path.name for path in out.iterdir() if path.name not in names)
+    parts = tuple(f".{name}{PART}" for name in names)  # of a process that was killed while it wrote
+    foreign = sorted(path.name for path in out.iterdir() if path.name not in (*names, *parts))
     if foreign:
         raise InputError(f"--out {out}: holds {foreign[0]!r}, which is no part of a {what}; expected a {what} folder")
 

@@ -57,7 +57,7 @@ from sum_drake.detection.scene_rendering import (
     station_parts,
 )
 from sum_drake.detection.textures import draw_color, draw_texture
-from sum_drake.geometry import inverse, rotation_from_vector, transform
+from sum_drake.geometry import inverse, mask_box, rotation_from_vector, transform
 from sum_drake.look import station_look
 from sum_drake.objects import Catalogue, ObjectModel
 from sum_drake.rendering import DepthRenderer
@@ -241,14 +241,13 @@ def _annotate(
     wide, margin = _wide(camera)
     found = []
     for i, (label, _, X_WO) in enumerate(scene.objects):
-        rows, columns = np.nonzero(labels == i + 1)
-        if not len(rows):
+        own = labels == i + 1
+        if not own.any():
             continue
         whole = alone.depth(label, X_CW @ X_WO, wide) > 0
         shown = np.pad(labels[::_STRIDE, ::_STRIDE] == i + 1, margin)
         share = int(np.count_nonzero(shown)) / max(int(np.count_nonzero(whole | shown)), 1)
-        box = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
-        found.append(AnnotatedObject(label, box, round(share, 4), len(rows)))
+        found.append(AnnotatedObject(label, mask_box(own), round(share, 4), int(np.count_nonzero(own))))
     return tuple(found)
 
 

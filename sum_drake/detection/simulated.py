@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake.detection.sigma_c import sigma_c_rule
+from sum_drake.geometry import mask_box
 from sum_drake.types import Box, Detection
 
 MIN_SIDE = 4.0
@@ -47,10 +48,10 @@ def simulate_detections(
     height, width = label_image.shape
     detections = []
     for value in sorted(objects):
-        rows, columns = np.nonzero(label_image == value)
-        if len(rows) < config.min_pixels:
+        own = label_image == value
+        if np.count_nonzero(own) < config.min_pixels:
             continue
-        box = (float(columns.min()), float(rows.min()), float(np.ptp(columns) + 1), float(np.ptp(rows) + 1))
+        box = mask_box(own)
         # Draw everything before deciding, so that one object's fate does not shift the draws of the next.
         missed, mislabelled, lost = rng.random(3) < (
             config.miss_rate, config.wrong_label_rate, config.true_label_lost_rate,
