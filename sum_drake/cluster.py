@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import logging
 import re
 import socket
 from collections.abc import Generator, Iterator, Mapping, Sequence
@@ -50,6 +51,7 @@ class Cluster:
             raise InputError("--cluster: distributed is missing; expected: pip install sum-drake[cluster]") from None
         if not ADDRESS.fullmatch(self.address):
             raise InputError(f"--cluster {self.address}: no address; expected a Dask scheduler's, as tcp://HOST:8786")
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what goes wrong is said here, in a line
         try:
             client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
