@@ -94,5 +94,5 @@ def _run_same(spec: EpisodeSpec, catalogue: Path | None, expected: Mapping[str, 
     """On a worker. Raises RuntimeError where something else is installed than where the batch was asked for."""
     other = different(_installed(catalogue), expected)
     if other:
-        raise RuntimeError(f"{socket.gethostname()} has {other}, as the batch has")
+        raise RuntimeError(f"{socket.gethostname()} has {other}; expected what the batch was begun with")
     return run_episode(spec)
