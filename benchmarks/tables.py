@@ -8,7 +8,7 @@ Run it whenever a result is committed; a test fails where it was forgotten.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,11 @@ BENCHES: dict[str, tuple[str, Aims]] = {
     "ablations": ("What each ingredient of the whole system is worth, on the same pours", {}),
     "speed": ("What an object's pose costs", speed.AIMS),
 }
+BATCHES: dict[str, tuple[str, Aims]] = {
+    "batch5": ("Five poured objects, sorted", sort.AIMS),
+    "batch10": ("Ten poured objects, sorted", {"objects_sorted_share": sort.AIMS["objects_sorted_share_10"]}),
+}
+"""What `sum-drake batch` has collected (batch.json), beside the benches."""
 WITHIN_M = np.linspace(0.0025, 0.2, 80)
 """Distances of the plot of poses, metres."""
 
@@ -47,21 +52,48 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         if name not in results:
             continue
         data = results[name]
-        versions = data["versions"]
         lines += [f"## {title}", "", *(f"`sum-drake {line}`\n" for line in _commands(name, data))]
-        own = [plot for plot in drawn(results) if PLOTS[plot][0] == name]
+        own = [plot for plot in drawn(results) if PLOTS[plot][0][0] == name]
         lines += [line for plot in own for line in (f"![{plot}](plots/{plot}.svg)", "")]
-        lines += ["| figure | value | aim |", "|---|---|---|"]
-        lines += [
-            f"| {figure} | {_number(value)} | {aim(aims, figure, float('nan') if value is None else value)} |"
-            for figure, value in data["figures"].items()
-        ]
-        told = ", ".join(f"{package} {versions[package]}" for package in ("python", "drake", "torch", "numpy"))
+        # What is asked of many pours is not asked of the eight sequences.
+        lines += _figures(data, {} if name == "sort" and not _batches(data) else aims)
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
         lines += ["", *(f"{sort.told_of(batch)}\n" for batch in _batches(data))]
         of = f"Commit {data['commit']}. " if data.get("commit") else ""
-        lines += [f"{of}On {data['device']}; {told}; seeds: {seeds}.", ""]
+        lines += [f"{of}On {data['device']}; {_packages(data)}; seeds: {seeds}.", ""]
+    for name, (title, aims) in BATCHES.items():
+        if name in results:
+            lines += _batch(title, aims, results[name], [plot for plot in drawn(results) if PLOTS[plot][0][0] == name])
     return "\n".join(lines)
+
+
+def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:
+    rows = [
+        f"| {figure} | {_number(value)} | {aim(aims, figure, float('nan') if value is None else value)} |"
+        for figure, value in data["figures"].items()
+    ]
+    return ["| figure | value | aim |", "|---|---|---|", *rows]
+
+
+def _batch(title: str, aims: Aims, data: Mapping[str, Any], plots: Sequence[str]) -> list[str]:
+    """What a batch has come to, and what it lost."""
+    lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", ""]
+    lines += [line for plot in plots for line in (f"![{plot}](plots/{plot}.svg)", "")]
+    lines += [*_figures(data, aims), ""]
+    lost = [f"| {loss['seed']} | {loss['label']} | {loss['place']} | {loss['cause']} |" for loss in data["losses"]]
+    failed = [f"| {cause} | {trials} |" for cause, trials in data["errors"].items()]
+    lines += ["| seed | lost | ended | cause |", "|---|---|---|---|", *lost, ""] if lost else []
+    lines += ["| manipulation error | trials |", "|---|---|", *failed, ""] if failed else []
+    return [*lines, sort.told_of(data), "", f"With {_packages(data)}.", ""]
+
+
+def _packages(data: Mapping[str, Any]) -> str:
+    return ", ".join(f"{package} {data['versions'][package]}" for package in ("python", "drake", "torch", "numpy"))
+
+
+def _batch_command(data: Mapping[str, Any]) -> str:
+    (first, last), objects = data["seeds"], data["settings"]["objects"]
+    return f"batch --runs {last - first + 1} --first-seed {first} --objects {objects} --out out/b{objects}"
 
 
 def _batches(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -74,10 +106,8 @@ def _commands(name: str, data: Mapping[str, Any]) -> list[str]:
     """That make a result."""
     lines, more = [], ""
     for batch in data["settings"].get("batches", ()):
-        (first, last), objects = batch["seeds"], batch["settings"]["objects"]
-        out = f"out/b{objects}"
-        lines.append(f"batch --runs {last - first + 1} --first-seed {first} --objects {objects} --out {out}")
-        more += f" --batch {out}"
+        lines.append(_batch_command(batch))
+        more += f" --batch out/b{batch['settings']['objects']}"
     return [*lines, f"bench {name} --out out/{name}{more}"]
 
 
@@ -86,14 +116,18 @@ def _number(value: float | None, digits: int = 4) -> str:
 
 
 HEADLINES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
-    "sort": (
-        ("runs of five poured objects", ("runs",)),
-        ("objects sorted; the 95 % interval is from, to",
+    "batch5": (
+        ("five poured objects: of them sorted; the 95 % interval is from, to",
          ("objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95")),
-        ("objects in the wrong bin", ("missorted",)),
+        ("objects in the wrong bin; runs", ("missorted", "runs")),
         ("trials an object sorted (the paper: 43 for 38)", ("trials_per_object",)),
         ("CPU seconds a run, median", ("cpu_s_per_run_median",)),
-        ("runs of ten objects; objects sorted", ("runs_10", "objects_sorted_share_10")),
+    ),
+    "batch10": (
+        ("ten poured objects: of them sorted; the 95 % interval is from, to",
+         ("objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95")),
+    ),
+    "sort": (
         ("the paper's eight sequences: objects sorted of 40 (the paper: 38), trials (the paper: 43)",
          ("sequences_objects_sorted", "sequences_trials")),
     ),
@@ -133,14 +167,16 @@ BEGIN, END = "<!-- results: written by benchmarks/tables.py -->", "<!-- end of r
 def headlines(results: Mapping[str, Mapping[str, Any]]) -> str:
     """The project's README's table."""
     lines = ["| measured | value | aim | bench |", "|---|---|---|---|"]
+    aims_of = {name: aims for name, (_, aims) in (BENCHES | BATCHES).items()}
     for bench, rows in HEADLINES.items():
         figures = results[bench]["figures"] if bench in results else {}
+        made_by = "batch" if bench in BATCHES else bench
         for words, names in rows:
             if all(name in figures for name in names):
                 first = figures[names[0]]
-                told = aim(BENCHES[bench][1], names[0], float("nan") if first is None else first)
+                told = aim(aims_of[bench], names[0], float("nan") if first is None else first)
                 value = ", ".join(_number(figures[name], 3) for name in names)
-                lines.append(f"| {words} | {value} | {told} | `{bench}` |")
+                lines.append(f"| {words} | {value} | {told} | `{made_by}` |")
     return "\n".join(lines)
 
 
@@ -217,42 +253,46 @@ def plan_plot(data: Mapping[str, Any]) -> str:
     )  # fmt: skip
 
 
-def lost_plot(data: Mapping[str, Any]) -> str:
+def lost_plot(*batches: Mapping[str, Any]) -> str:
     """Objects lost, over objects poured, run after run; by how many were poured at a time."""
-    kinds: dict[int, list[tuple[int, int]]] = {}
-    for row in _rows(data, "run") or _rows(data, "sequence"):
-        poured = row.get("objects_total", row["objects_asked"])
-        kinds.setdefault(row["objects_asked"], [(0, 0)]).append((poured, poured - row.get("objects_sorted", 0)))
-    sums = {number: np.cumsum(counts, 0) for number, counts in kinds.items()}
-    series = [Series(f"{number} at a time", *of.T) for number, of in sums.items()]
+    series = []
+    for batch in batches:
+        asked = batch["settings"]["objects"]
+        poured = np.array([0, *(row.get("objects_total", asked) for row in batch["episodes"])])
+        done = np.array([0, *(row.get("objects_sorted", 0) for row in batch["episodes"])])
+        series.append(Series(f"{asked} at a time", np.cumsum(poured), np.cumsum(poured - done)))
     return line_plot(series, title="Objects lost", x_label="objects poured", y_label="objects lost")
 
 
-PLOTS = {
-    "poses": ("pose", pose_plot),
-    "trials": ("pose", trials_plot),
-    "belief": ("reject", belief_plot),
-    "paths": ("plan", plan_plot),
-    "sorted": ("sort", lost_plot),
-    "gains": ("ablations", gain_plot),
+PLOTS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
+    "poses": (("pose",), pose_plot),
+    "trials": (("pose",), trials_plot),
+    "belief": (("reject",), belief_plot),
+    "paths": (("plan",), plan_plot),
+    "sorted": (("batch5", "batch10"), lost_plot),
+    "gains": (("ablations",), gain_plot),
 }
-"""Name of a file -> the bench it is of, and how it is drawn."""
+"""Name of a file -> the results it is of, the first of which has to be there, and how they are drawn."""
 
 
 def drawn(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The plots for which there are results."""
-    told = {plot: of for plot, (of, _) in PLOTS.items() if of in results}
+    told = {plot: of[0] for plot, (of, _) in PLOTS.items() if of[0] in results}
     return [plot for plot, of in told.items() if plot != "trials" or "trials.scenes" in results[of]["figures"]]
 
 
 def read_results(folder: Path) -> dict[str, dict[str, Any]]:
-    """results/BENCH.json by bench, those that there are."""
-    return {name: json.loads(path.read_text()) for name in BENCHES if (path := folder / f"{name}.json").is_file()}
+    """results/BENCH.json by bench, and those of batches, that there are."""
+    names = (*BENCHES, *BATCHES)
+    return {name: json.loads(path.read_text()) for name in names if (path := folder / f"{name}.json").is_file()}
 
 
 def files(results: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     """What is to be written, by path below this folder."""
-    plots = {f"plots/{plot}.svg": PLOTS[plot][1](results[PLOTS[plot][0]]) for plot in drawn(results)}
+    plots = {}
+    for plot in drawn(results):
+        of, draw = PLOTS[plot]
+        plots[f"plots/{plot}.svg"] = draw(*(results[name] for name in of if name in results))
     return {"README.md": tables(results), **plots}
 
 

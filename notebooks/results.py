@@ -20,11 +20,13 @@ here = Path(__file__).resolve().parents[1] if "__file__" in globals() else Path.
 folder = Path(os.environ.get("SUM_DRAKE_RESULTS", here / "benchmarks" / "results"))
 results: dict[str, Any] = {
     name: json.loads(path.read_text())
-    for name in ("detect", "pose", "reject", "plan", "sort", "ablations")
+    for name in ("detect", "pose", "reject", "plan", "sort", "batch5", "batch10", "ablations")
     if (path := folder / f"{name}.json").is_file()
 }
 for name, data in results.items():
-    print(f"{name}: {len(data['rows'])} rows, on {data['device']}, drake {data['versions']['drake']}")
+    print(
+        f"{name}: {len(data.get('rows', data.get('episodes')))} rows, on {data['device']}, drake {data['versions']['drake']}"
+    )
 
 
 def rows_of(bench: str, table: str) -> list[dict[str, Any]]:
@@ -122,21 +124,22 @@ for row in rows_of("sort", "sequence"):
         f"sequence {row['seed']}: {row.get('objects_sorted', 0)} of {row.get('objects_total', '?')} objects,"
         f" {row.get('manipulation_errors', '?')} errors, {row.get('manipulation_trials', '?')} trials"
     )
-runs = rows_of("sort", "run")
-for number in sorted({row["objects_asked"] for row in runs}):
-    own = [row for row in runs if row["objects_asked"] == number]
+batches = [results[name] for name in ("batch5", "batch10") if name in results]
+for batch in batches:
+    number, own = batch["settings"]["objects"], batch["episodes"]
     total = np.cumsum([row.get("objects_total", number) for row in own])
     lost = total - np.cumsum([row.get("objects_sorted", 0) for row in own])
     plt.step(total, lost, where="post", label=f"{number} at a time")
     print(f"{total[-1] - lost[-1]} of {total[-1]} objects sorted in {len(own)} runs of {number}")
-if runs:
+if batches:
     plt.gca().set(xlabel="objects poured", ylabel="objects lost")
     plt.legend()
     plt.show()
-for row in rows_of("sort", "loss"):
-    print(f"  {row['of']}, seed {row['seed']}: {row['label']} ended {row['place']}: {row['cause']}")
-for row in rows_of("sort", "error"):
-    print(f"  {row['of']}: {row['trials']} manipulation errors {row['cause']}")
+for batch in batches:
+    for row in batch["losses"]:
+        print(f"  seed {row['seed']}: {row['label']} ended {row['place']}: {row['cause']}")
+    for cause, trials in batch["errors"].items():
+        print(f"  {batch['settings']['objects']} at a time: {trials} manipulation errors {cause}")
 
 # %% [markdown]
 # ## What each ingredient is worth
