@@ -166,7 +166,7 @@ BEGIN, END = "<!-- results: written by benchmarks/tables.py -->", "<!-- end of r
 
 def headlines(results: Mapping[str, Mapping[str, Any]]) -> str:
     """The project's README's table."""
-    lines = ["| measured | value | aim | bench |", "|---|---|---|---|"]
+    lines = ["| measured | value | aim | by |", "|---|---|---|---|"]
     aims_of = {name: aims for name, (_, aims) in (BENCHES | BATCHES).items()}
     for bench, rows in HEADLINES.items():
         figures = results[bench]["figures"] if bench in results else {}
