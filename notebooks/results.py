@@ -24,9 +24,8 @@ results: dict[str, Any] = {
     if (path := folder / f"{name}.json").is_file()
 }
 for name, data in results.items():
-    print(
-        f"{name}: {len(data.get('rows', data.get('episodes')))} rows, on {data['device']}, drake {data['versions']['drake']}"
-    )
+    count = len(data.get("rows", data.get("episodes")))
+    print(f"{name}: {count} rows, on {data['device']}, drake {data['versions']['drake']}")
 
 
 def rows_of(bench: str, table: str) -> list[dict[str, Any]]:
