@@ -25,6 +25,8 @@ HANGS = 0.02
 """An opened hand on which more than this weighs has something hanging on it, kilograms: a third of the catalogue's
 lightest object, part of whose weight may rest on the robot. What drives make of an empty hand is below .3 g from .2 s
 after the arm has come back on, and less than a millionth of that after .5 s; real drives would ask for more."""
+STILL = 0.25
+"""So long an arm has to be at rest before what hangs on its hand is weighed, seconds."""
 SLIPPED_M, SLIPPED_RAD = 0.05, 0.6
 """Standard deviation of where a thing is that slipped out of the hand, or was swept aside."""
 SWEEP_REACH = 0.12

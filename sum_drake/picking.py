@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from sum_drake import timing
+from sum_drake.action_model import STILL
 from sum_drake.geometry import inverse, shifted
 from sum_drake.grasp_ranking import DEFAULT_MASS, RankedGrasps
 from sum_drake.grasping import half_turn
@@ -302,6 +303,7 @@ def _connect(
         *lowering,
         opening(place.retreat[0], place.gap, config),
         Segment("retreat", straight(place.retreat), place.gap),
+        Segment("weigh", timing.rest(place.retreat[-1], 2 * STILL), place.gap),
         Segment("return", timed(cleared, back.qs, config.speed), place.gap),
     )
     return place, Motion(0, picking), Motion(1, placing)

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
-from sum_drake.action_model import HANGS, holds
+from sum_drake.action_model import HANGS, STILL, holds
 from sum_drake.dynamics import ArmDynamics
 from sum_drake.picking import PickPlan
 from sum_drake.reflex import CARRYING
@@ -74,6 +74,8 @@ class _Sorting(Immutable):
     """Times that it was stopped with the object in its hand, and went on from there."""
     retreats: int = 0
     """Ways back begun since then."""
+    still_since: float | None = None
+    """When the hand came to rest that had let go at the place, seconds."""
     shakes: int = 0
     """Times that it went to shake off what hung on the hand."""
     hung: bool = False
@@ -111,8 +113,8 @@ class SortingPlanner(LeafSystem):
     looks from, and looks again; with an object in its hand it first tries to go on by another way, CARRY_ONS times,
     and then to bring it back to where it was.
     What hangs on the hand after it was opened at the place is no object placed: the arm goes to shake it off there,
-    SHAKES times at most, from where it looks or where it was stopped; where it was gone before it got there, it was
-    lost on the way.
+    SHAKES times at most, from where it has just let go, where it looks, or where it was stopped; where it was gone
+    before it got there, it was lost on the way.
     """
 
     def __init__(
@@ -201,7 +203,8 @@ class SortingPlanner(LeafSystem):
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", carry_ons=0, retreats=0, shakes=0, hung=False, hangs=None,
+            released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0,
+            hung=False, hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -227,6 +230,8 @@ class SortingPlanner(LeafSystem):
                 return held
             if status.segment in CARRYING:
                 return dataclasses.replace(held, at_place=self._feel(context))
+            if status.segment == "weigh":
+                return self._weigh_there(context, held)
             return held if held.released else dataclasses.replace(held, released=True)
         if not status.stopped:
             return dataclasses.replace(held, phase="weigh", released=True)
@@ -262,6 +267,16 @@ class SortingPlanner(LeafSystem):
         if status.stopped:
             return self._go_back(context, held)
         return dataclasses.replace(held, phase="weigh") if held.released else self._record(held)
+
+    def _weigh_there(self, context: Context, held: _Sorting) -> _Sorting:
+        """Once the hand that let go has come to rest: what hangs on it is shaken off before it is carried away."""
+        now = context.get_time()
+        if held.still_since is None:
+            return dataclasses.replace(held, still_since=now, released=True)
+        if now - held.still_since < STILL or held.hung or not self._hangs(context):
+            return held
+        held = dataclasses.replace(held, hung=True)
+        return self._shake_off(context, held) or held
 
     def _weigh(self, context: Context, held: _Sorting) -> _Sorting:
         """Once the arm has come to rest: if nothing hangs on the hand, or that cannot be helped, the attempt is over.

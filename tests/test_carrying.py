@@ -39,7 +39,7 @@ def test_it_rises_goes_around_and_lets_go_as_planned(scene, made):
     q_now = timing.evaluate(made.place.segments[0].trajectory, 0.4)[0]
     motion = carrying(scene, made, q_now).plan_on(9)
     assert (motion.id, motion.load) == (9, made.place.load)
-    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "weigh", "return"]
     assert motion.segments[2:] == made.place.segments[1:]
     np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q_now)
     for before, after in itertools.pairwise(motion.segments):

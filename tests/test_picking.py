@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sum_drake import robot, timing
+from sum_drake.action_model import STILL
 from sum_drake.geometry import apply, inverse, rotation_from_vector, transform
 from sum_drake.grasp_ranking import CAUSES, RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates, opening
@@ -64,7 +65,7 @@ def assert_sound(scene, made, model, X_WO, obstacles):
     """Continuous, within limits, free at .005 rad by scenes set up here, and ending where it should."""
     segments = made.pick.segments + made.place.segments
     assert [s.name for s in segments] == [
-        "approach", "reach", "close", "lift", "transport", "open", "retreat", "return",
+        "approach", "reach", "close", "lift", "transport", "open", "retreat", "weigh", "return",
     ]  # fmt: skip
     for before, after in itertools.pairwise(segments):
         np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
@@ -181,8 +182,9 @@ def test_the_hand_lets_go_surely_and_straight_back(scene):
     narrow = dataclasses.replace(from_above("soup_can", standing("soup_can", 0.6, 0.05)), gaps=np.full(4, 0.07))
     made = plan(scene, ranked=narrow)
     assert isinstance(made, PickPlan)
-    release, retreat, home = made.place.segments[1:]
-    assert {release.gap, retreat.gap, home.gap} == {robot.HAND.gap_max}
+    release, retreat, weighing, home = made.place.segments[1:]
+    assert {release.gap, retreat.gap, weighing.gap, home.gap} == {robot.HAND.gap_max}
+    assert weighing.trajectory.times[-1] > STILL and not np.ptp(weighing.trajectory.positions, axis=0).any()
     assert release.trajectory.times[-1] > release.gap / GAP_SPEED + 0.2  # the command gets there, and so does the hand
     hands = inverse(made.X_WG_place) @ ARM.forward_many(timing.sample(retreat.trajectory, 0.05))
     assert np.abs(hands[:, 1:3, 3]).max() < 0.003  # along its own x
@@ -327,7 +329,7 @@ def test_an_object_is_set_down_on_the_table(scene, set_down):
     np.testing.assert_allclose(made.X_WO_place, SPOT)
     np.testing.assert_allclose(made.X_WG_place @ inverse(made.X_WG) @ X_WO, SPOT, atol=1e-9)
     segments = made.pick.segments + made.place.segments
-    assert [s.name for s in made.place.segments] == ["transport", "lower", "open", "retreat", "return"]
+    assert [s.name for s in made.place.segments] == ["transport", "lower", "open", "retreat", "weigh", "return"]
     for before, after in itertools.pairwise(segments):
         np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
     lower = made.place.segments[1]

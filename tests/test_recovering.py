@@ -72,7 +72,7 @@ def test_the_way_on_with_what_is_in_the_hand_ends_where_it_was_to_be_let_go(can_
     motion = RECOVERING.carry_on(can_seen, pick, q, 7)
     assert (motion.id, motion.load) == (7, pick.plan.place.load)
     np.testing.assert_allclose(motion.segments[0].trajectory.positions[0], q)
-    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "return"]
+    assert [segment.name for segment in motion.segments] == ["lift", "transport", "open", "retreat", "weigh", "return"]
     np.testing.assert_allclose(ARM.forward(motion.segments[2].trajectory.positions[0]), pick.plan.X_WG_place, atol=1e-6)
 
 

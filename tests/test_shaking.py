@@ -72,9 +72,10 @@ def test_it_goes_to_the_place_rolls_the_hand_that_points_down_and_comes_back(sce
         assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
 
 
-def test_an_arm_that_was_stopped_on_its_way_back_goes_from_there(scene, made):
+@pytest.mark.parametrize("done", [0.0, 0.6])
+def test_an_arm_that_was_stopped_on_its_way_back_or_has_not_begun_it_goes_from_there(scene, made, done):
     came = made.place.segments[-1]
-    on_way = timing.evaluate(came.trajectory, 0.6 * came.trajectory.times[-1])[0]
+    on_way = timing.evaluate(came.trajectory, done * came.trajectory.times[-1])[0]
     q_now = on_way + np.array([0.0, 0.01, -0.01, 2 * np.pi, 0.01, 0.0, 0.0, -2 * np.pi])
     motion = shake(scene, made, q_now=q_now)
     assert [segment.name for segment in motion.segments] == [
@@ -91,6 +92,15 @@ def test_an_arm_that_was_stopped_on_its_way_back_goes_from_there(scene, made):
         assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
     with pytest.raises(RuntimeError, match=r"the arm is not where it came by"):
         shake(scene, made, q_now=q_now + np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_an_arm_that_has_not_moved_since_goes_nowhere_before_it_weighs(scene, made):
+    rising = made.place.segments[-2].trajectory.positions[-1]
+    there, weighing, turning, *_ = shake(scene, made, q_now=rising).segments
+    assert there.trajectory.times[-1] == 0.0
+    for segment in (there, weighing):
+        np.testing.assert_allclose(segment.trajectory.positions, np.tile(rising, (2, 1)), atol=1e-9)
+    np.testing.assert_allclose(turning.trajectory.positions[0], rising, atol=1e-9)
 
 
 def test_where_there_is_no_way_it_is_said_why(scene, made):

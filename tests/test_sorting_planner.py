@@ -396,6 +396,35 @@ def test_what_hangs_on_the_hand_is_shaken_off_where_it_was_to_go():
     assert (bench.out("outcome"), len(bench.shaken)) == ("cleared", 1)
 
 
+def test_what_hangs_on_the_hand_as_it_draws_back_is_shaken_off_before_the_arm_carries_it_away():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.run("retreat")
+    assert bench.shaken == [], "a moving hand is not weighed"
+    bench.run("weigh")
+    assert bench.shaken == [], "nor one that swings, perhaps"
+    bench.run("weigh")
+    assert (bench.shaken, bench.out("motion").id) == ([(5, 0)], 2)
+    bench.shake_off()
+    (attempt,) = bench.out("attempts")
+    action = attempt.action
+    assert (attempt.reason, action.released, action.hangs, action.held_place) == ("executed", True, False, True)
+
+
+def test_what_cannot_be_shaken_off_where_it_was_let_go_is_carried_back_and_told():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), shakes=False)
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    for segment in ("weigh", "weigh", "weigh", "return"):
+        bench.run(segment)
+        assert (bench.out("motion").id, bench.out("attempts")) == (1, ())
+    bench.finish()
+    bench.rest()
+    (attempt,) = bench.out("attempts")
+    assert (attempt.reason, attempt.action.hangs) == ("hangs_on_hand", True)
+
+
 @pytest.mark.parametrize("shakes", [True, False])
 def test_what_stays_on_the_hand_was_not_placed_and_the_loop_goes_on(shakes):
     bench = Bench(Pick(PLAN, TRACK, "bin", ()), Stop("cleared", ()), shakes=shakes)

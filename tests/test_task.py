@@ -209,7 +209,7 @@ def test_what_is_in_the_way_is_moved_to_a_free_place_and_the_reason_is_told(maki
     assert (np.abs(p_W[:, :2] - AREA.p_W[:2]) < AREA.half_extents[:2]).all(), "it stays where it belongs"
     assert 0 < p_W[:, 2].min() - TABLE < 0.02, "on the table, not where it was, on the can"
     assert np.linalg.norm(choice.plan.X_WO_place[:2, 3] - BLOCKED["soup_can"][:2, 3]) > 0.12
-    assert [s.name for s in choice.plan.place.segments] == ["transport", "lower", "open", "retreat", "return"]
+    assert [s.name for s in choice.plan.place.segments] == ["transport", "lower", "open", "retreat", "weigh", "return"]
 
 
 def test_once_the_blocker_is_aside_the_object_is_taken(making_way):
