@@ -209,9 +209,11 @@ def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
     assert (added["object"], added["happened"]) == ("tea", True)
     assert added["dealt_with_after"] in (1, 2)
     assert added["belief"].startswith("found again")
-    assert {row["label"] for row in summary["objects"]} == {"sugar", "tea"}
-    assert episode.outcome == "cleared"
-    assert summary["objects_sorted"] == summary["objects_total"] == 2
+    ended = {row["label"]: row["place"] == row["goal"] for row in summary["objects"]}
+    assert ended.keys() == {"sugar", "tea"} and ended["sugar"]
+    assert (summary["objects_sorted"], summary["objects_total"]) == (sum(ended.values()), 2)
+    # Where what is dropped onto the table comes to rest is chance; beyond the arm's reach, that is told.
+    assert episode.outcome == "cleared" if ended["tea"] else "tea out_of_reach" in episode.outcome
     believed = [row["believed"] for row in summary["attempts"] if row["outcome"] == "sorted"]
     assert believed and all(max(shares, key=shares.get) == "placed" for shares in believed)
 
