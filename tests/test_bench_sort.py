@@ -8,7 +8,7 @@ from test_batch_figures import attempt, run
 
 from sum_drake.assets import InputError
 from sum_drake.batch import Processes, read_episodes
-from sum_drake.bench.sort import AIMS, PAPER, bench_sort, read_batches, sort_figures
+from sum_drake.bench.sort import AIMS, PAPER, aims_for, bench_sort, read_batches, sort_figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare
 from sum_drake.systems.scenario import load_scenario
@@ -44,6 +44,8 @@ def test_figures_are_of_the_batches_by_number_of_objects_else_of_the_sequences()
     assert both["objects_sorted_share_10"] == 1.0
     assert both["objects_sorted_low95"] <= 0.99 <= both["objects_sorted_high95"] <= 1.0
     assert set(AIMS) <= set(both)
+    assert aims_for(pours(2, 5)) | aims_for(pours(2, 10)) == AIMS
+    assert aims_for([]) == {}, "eight sequences cannot show what is asked of sixty pours"
     assert both["perception_cpu_s_median_10"] == 1.0 and both["picks_per_simulated_hour_10"] == 600.0
     crashed = sort_figures([*pours(7, 5), died(7, 5)], [*pours(3, 5, 100), *pours(3, 10, 200), died(203, 10)])
     assert (crashed["runs"], crashed["runs_10"], crashed["sequences_complete"]) == (3, 4, 7)

@@ -80,13 +80,13 @@ def _check_out(options: argparse.Namespace, files: tuple[str, ...]) -> None:
 
 def _bench_sort(options: argparse.Namespace) -> None:
     from sum_drake.batch import Processes
-    from sum_drake.bench.sort import AIMS, FILES, OBJECTS, SEQUENCES, bench_sort, read_batches
+    from sum_drake.bench.sort import FILES, OBJECTS, SEQUENCES, aims_for, bench_sort, read_batches
     from sum_drake.systems.scenario import load_scenario
 
     def usual(count: int) -> dict[str, Any]:
         return prepare(load_scenario(objects=count), 0, 1)[1]
 
-    read_batches(options.batch, usual)  # what cannot be read is said before anything is run
+    larger = read_batches(options.batch, usual)  # what cannot be read is said before anything is run
     runs, objects = (2, 2) if options.quick else (SEQUENCES, OBJECTS)
 
     def bench(specs: "list[EpisodeSpec]", settings: dict[str, Any]) -> dict[str, float]:
@@ -96,7 +96,7 @@ def _bench_sort(options: argparse.Namespace) -> None:
         )  # fmt: skip
 
     check_count("--seed", options.seed, 0)
-    _run(options, load_scenario(seed=options.seed, objects=objects), runs, FILES, bench, AIMS)
+    _run(options, load_scenario(seed=options.seed, objects=objects), runs, FILES, bench, aims_for(larger))
 
 
 def _bench_faults(options: argparse.Namespace) -> None:
