@@ -53,18 +53,22 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
             continue
         data = results[name]
         lines += [f"## {title}", "", *(f"`sum-drake {line}`\n" for line in _commands(name, data))]
-        own = [plot for plot in drawn(results) if PLOTS[plot][0][0] == name]
-        lines += [line for plot in own for line in (f"![{plot}](plots/{plot}.svg)", "")]
-        # What is asked of many pours is not asked of the eight sequences.
-        lines += _figures(data, {} if name == "sort" and not _batches(data) else aims)
+        lines += _plots(results, name)
+        lines += _figures(data, sort.aims_for(_rows(data, "run")) if name == "sort" else aims)
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
         lines += ["", *(f"{sort.told_of(batch)}\n" for batch in _batches(data))]
         of = f"Commit {data['commit']}. " if data.get("commit") else ""
         lines += [f"{of}On {data['device']}; {_packages(data)}; seeds: {seeds}.", ""]
     for name, (title, aims) in BATCHES.items():
         if name in results:
-            lines += _batch(title, aims, results[name], [plot for plot in drawn(results) if PLOTS[plot][0][0] == name])
+            lines += _batch(title, aims, results[name], _plots(results, name))
     return "\n".join(lines)
+
+
+def _plots(results: Mapping[str, Mapping[str, Any]], name: str) -> list[str]:
+    return [
+        line for plot in drawn(results) if PLOTS[plot][0][0] == name for line in (f"![{plot}](plots/{plot}.svg)", "")
+    ]
 
 
 def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:
@@ -76,10 +80,8 @@ def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:
 
 
 def _batch(title: str, aims: Aims, data: Mapping[str, Any], plots: Sequence[str]) -> list[str]:
-    """What a batch has come to, and what it lost."""
-    lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", ""]
-    lines += [line for plot in plots for line in (f"![{plot}](plots/{plot}.svg)", "")]
-    lines += [*_figures(data, aims), ""]
+    """What a batch has come to, and what it lost. plots: lines that show them."""
+    lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", "", *plots, *_figures(data, aims), ""]
     lost = [f"| {loss['seed']} | {loss['label']} | {loss['place']} | {loss['cause']} |" for loss in data["losses"]]
     failed = [f"| {cause} | {trials} |" for cause, trials in data["errors"].items()]
     lines += ["| seed | lost | ended | cause |", "|---|---|---|---|", *lost, ""] if lost else []

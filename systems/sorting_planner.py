@@ -7,9 +7,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
-from sum_drake.action_model import HANGS, STILL, holds
+from sum_drake.action_model import HANGS, STILL
+from sum_drake.attempted import NOTHING, Feel, attempt_of
 from sum_drake.dynamics import ArmDynamics
-from sum_drake.picking import PickPlan
 from sum_drake.reflex import CARRYING
 from sum_drake.robot import ARM_JOINTS, JOINTS, STATE_JOINTS, arm_positions, arm_velocities, finger_gap, squeeze
 from sum_drake.shaking import SHAKES
@@ -36,20 +36,6 @@ RETREATS = 3
 """Ways back that are tried after something went wrong: each puts up with twice the resistance of the one before."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Feel(Immutable):
-    """What the hand feels."""
-
-    gap: float = 0.0
-    """Between the fingers, metres."""
-    squeeze: float = 0.0
-    """Force that closes them, newtons."""
-
-    def holds(self, width: float) -> bool:
-        """Whether that is an object of this width."""
-        return holds(self.gap, self.squeeze, width)
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Sorting(Immutable):
     """Where the planner is in its loop."""
@@ -64,8 +50,8 @@ class _Sorting(Immutable):
     """Observations in a row that led to nothing."""
     pick: Pick | None = None
     motion: Motion | None = None
-    at_lift: Feel = Feel()
-    at_place: Feel = Feel()
+    at_lift: Feel = NOTHING
+    at_place: Feel = NOTHING
     released: bool = False
     """Whether the hand was opened at the place."""
     stopped: str = ""
@@ -202,9 +188,9 @@ class SortingPlanner(LeafSystem):
         pushed = any(a.label == choice.track.label and a.reason == "unexpected_effort" for a in held.attempts)
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
         return dataclasses.replace(
-            held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=Feel(), at_place=Feel(),
-            released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0,
-            hung=False, hangs=None,
+            held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=NOTHING,
+            at_place=NOTHING, released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0, hung=False,
+            hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
@@ -287,7 +273,7 @@ class SortingPlanner(LeafSystem):
             return held
         hangs = self._hangs(context)
         if not hangs and held.hung and not held.hung_there:
-            held = dataclasses.replace(held, at_place=Feel())
+            held = dataclasses.replace(held, at_place=NOTHING)
         held = dataclasses.replace(held, hangs=hangs, hung=held.hung or hangs)
         shaking = self._shake_off(context, held) if hangs else None
         return shaking or dataclasses.replace(self._record(held), phase="look", observations=held.observations + 1)
@@ -342,42 +328,21 @@ class SortingPlanner(LeafSystem):
     def _record(self, held: _Sorting) -> _Sorting:
         """The executed action and the attempt, as far as the robot knows them."""
         assert held.pick is not None
-        plan: PickPlan = held.pick.plan
-        track, step = held.pick.track, held.observations - 1
-        action = PickPlace(
-            step=step,
-            kind=held.pick.kind,
-            track=track.id,
-            label=track.label,
-            X_WG_pick=plan.X_WG,
-            X_WO_place=plan.X_WO_place,
-            region=held.pick.region,
-            gap_lift=held.at_lift.gap,
-            gap_place=held.at_place.gap,
+        attempt = attempt_of(
+            held.pick,
+            held.observations - 1,
+            at_lift=held.at_lift,
+            at_place=held.at_place,
             released=held.released,
-            squeeze_lift=held.at_lift.squeeze,
-            squeeze_place=held.at_place.squeeze,
-            held_lift=held.at_lift.holds(plan.grasp.width),
-            held_place=held.at_place.holds(plan.grasp.width),
             hangs=held.hangs,
+            stopped=held.stopped,
         )
-        if held.hangs:
-            reason = "hangs_on_hand"
-        elif held.stopped not in ("", "empty_hand"):
-            reason = held.stopped
-        elif held.at_place.holds(plan.grasp.width):
-            reason = "executed"
-        else:
-            reason = "lost_in_transport" if held.at_lift.holds(plan.grasp.width) else "empty_hand"
-        attempt = Attempt(
-            step, track.id, track.label, held.pick.region, held.pick.kind, reason,
-            plan.grasp_candidates, plan.rejected_by, action, plan.grasp.X_OG, held.pick.why, plan.candidates,
-        )  # fmt: skip
-        return dataclasses.replace(held, phase="settle", pick=None, action=action, attempts=(*held.attempts, attempt))
+        attempts = (*held.attempts, attempt)
+        return dataclasses.replace(held, phase="settle", pick=None, action=attempt.action, attempts=attempts)
 
     def _feel_after(self, context: Context, status: MotionStatus) -> Feel:
         """What the hand feels once a motion is over; nothing where it was broken off for that, whatever came since."""
-        return Feel() if status.stopped == "empty_hand" else self._feel(context)
+        return NOTHING if status.stopped == "empty_hand" else self._feel(context)
 
     def _feel(self, context: Context) -> Feel:
         return Feel(finger_gap(self._robot_state.Eval(context)), squeeze(self._effort.Eval(context)))

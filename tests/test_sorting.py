@@ -196,10 +196,12 @@ def test_faults_stand_between_a_signal_and_all_who_read_it(catalogue, X_WOs):
     assert read["arm_controller", "desired_state"] == {"grip_fault"}
 
 
-def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
+@pytest.mark.parametrize(("seed", "within_reach"), [(5, False), (7, True)])
+def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue, seed, within_reach):
+    # Where what is dropped onto the table comes to rest is chance: with seed 7, 12 cm within reach.
     faults = "[{kind: camera, observation: 0}, {kind: added, observation: 0, object: tea}]"
     text = f"{{objects: {{labels: [sugar]}}, faults: {faults}}}"
-    scenario = load_scenario(text=text, seed=5, catalogue=catalogue)
+    scenario = load_scenario(text=text, seed=seed, catalogue=catalogue)
     episode = run(scenario, catalogue)
     summary = score(episode, scenario, catalogue, versions={}, device="cpu")
     validate_summary(summary)
@@ -212,8 +214,8 @@ def test_what_a_hand_does_and_what_fails_stands_in_the_summary(catalogue):
     ended = {row["label"]: row["place"] == row["goal"] for row in summary["objects"]}
     assert ended.keys() == {"sugar", "tea"} and ended["sugar"]
     assert (summary["objects_sorted"], summary["objects_total"]) == (sum(ended.values()), 2)
-    # Where what is dropped onto the table comes to rest is chance; beyond the arm's reach, that is told.
     assert episode.outcome == "cleared" if ended["tea"] else "tea out_of_reach" in episode.outcome
+    assert ended["tea"] or not within_reach
     believed = [row["believed"] for row in summary["attempts"] if row["outcome"] == "sorted"]
     assert believed and all(max(shares, key=shares.get) == "placed" for shares in believed)
 

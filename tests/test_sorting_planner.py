@@ -8,7 +8,7 @@ from sum_drake.picking import PickPlan
 from sum_drake.robot import VIEW
 from sum_drake.shaking import SHAKES
 from sum_drake.systems.ports import abstract, unpack
-from sum_drake.systems.sorting_planner import CARRY_ONS, PUSHING, Feel, SortingPlanner
+from sum_drake.systems.sorting_planner import CARRY_ONS, PUSHING, SortingPlanner
 from sum_drake.task import Look, Pick, Stop
 from sum_drake.types import (
     Attempt,
@@ -520,15 +520,6 @@ def test_looks_again_when_nothing_can_be_done_and_counts_it():
     assert bench.asked == [(0, 0, 0), (1, 1, 1), (2, 1, 2)]
     assert bench.out("outcome") == "stopped: nothing"
     assert bench.out("executed_action") is None
-
-
-def test_a_hand_holds_what_is_about_as_wide_as_the_grasp():
-    assert Feel(0.038, 60.0).holds(0.04)
-    assert Feel(0.0025, 60.0).holds(0.003), "a thin wall"
-    assert not Feel(0.001, 60.0).holds(0.003)
-    assert not Feel(0.01, 60.0).holds(0.04)
-    assert not Feel(0.1, 60.0).holds(0.08), "the fingers never closed"
-    assert not Feel(0.038, 1.0).holds(0.04), "nothing resists the fingers"
 
 
 def test_no_input_reaches_an_output_within_an_instant():
