@@ -189,8 +189,8 @@ class SortingPlanner(LeafSystem):
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
         return dataclasses.replace(
             held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=NOTHING,
-            at_place=NOTHING, released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0, hung=False,
-            hangs=None,
+            at_place=NOTHING, released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0,
+            hung=False, hangs=None,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:
