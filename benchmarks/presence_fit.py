@@ -2,7 +2,7 @@
 
     python benchmarks/presence_fit.py
 
-Objects of poured tables (`sum_drake/bench/tables.py`) are looked for where they are, give or take the error of a
+Objects of poured tables (`sum_drake/bench/poured_tables.py`) are looked for where they are, give or take the error of a
 belief, and again after they were taken away and the rest came to rest. Tables are left out in turn to see what the
 weights are worth on others.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from sum_drake.bench.pose_scenes import SENSORS
-from sum_drake.bench.tables import Onlooker, changed, pour_table
+from sum_drake.bench.poured_tables import Onlooker, changed, pour_table
 from sum_drake.existence import PRESENCE
 from sum_drake.files import write_whole
 from sum_drake.geometry import rotation_from_vector

@@ -20,7 +20,7 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.batch_figures import batch_figures, causes, errors, losses
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
-from sum_drake.episodes import Episode, EpisodeSpec, end_episodes, run_episode
+from sum_drake.episodes import Episode, EpisodeSpec, Running, run_episode
 from sum_drake.files import PART, alone
 from sum_drake.fingerprint import different
 from sum_drake.jsonio import write_json
@@ -50,8 +50,9 @@ class Processes:
 
     def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
         """As `Executor.run`; what is under way when it is interrupted is ended."""
+        running = Running()
         with ThreadPoolExecutor(self.workers) as pool:
-            pending = {pool.submit(run_episode, spec, work) for spec in specs}
+            pending = {pool.submit(run_episode, spec, work, running) for spec in specs}
             try:
                 while pending:
                     done, pending = wait(pending, return_when=FIRST_COMPLETED)
@@ -59,7 +60,7 @@ class Processes:
                         yield done.pop().result()
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
-                end_episodes()
+                running.end()
                 raise
 
 
@@ -80,7 +81,7 @@ def run_batch(
     out.mkdir(parents=True, exist_ok=True)
     with alone(out, "another batch"):
         shutil.rmtree(work, ignore_errors=True)  # of a batch that was killed
-        work.mkdir(parents=True)
+        work.mkdir(exist_ok=True)  # what was killed may not be quite dead
         asked = {"objects_asked": settings["objects"]}
         rows = {spec.seed: row | asked for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
         left = [spec for spec in specs if spec.seed not in rows]
@@ -101,7 +102,7 @@ def run_batch(
                     wait_s = max(OFTEN_S, (written - begun) / WRITING)
                 progress("running", len(rows), len(specs))
         told = write()
-        shutil.rmtree(work)
+        shutil.rmtree(work, ignore_errors=True)
     return told
 
 
@@ -124,7 +125,7 @@ FIELDS = {
     "settings": dict, "seeds": list, "runs": int, "done": int, "figures": dict, "causes": dict, "losses": list,
     "episodes": list, "versions": dict, "device": str,
 }  # fmt: skip
-"""Of batch.json, beside its schema and, since they are told, `errors`."""
+"""Of batch.json, in which those of older versions have no `errors` and no `commit`."""
 ROW: dict[str, Any] = {"seed": int, "state": str, "reason": str, "cpu_s": (int, float), "peak_memory_mib": (int, float)}
 """Of episode.json, and of a row of batch.json, whatever became of the run."""
 SUMMED: dict[str, Any] = {

@@ -20,17 +20,17 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
     """Figures of episodes; shares are of objects, intervals by bootstrap over runs (95 %), `seed` is of its draws.
 
     A run that has no summary, as its process died, counts as one that sorted none of the objects it was to have, so
-    that nothing is gained by a crash; what a run costs is told by those that came to their own end. None is what cannot
-    be told of so few.
+    that nothing is gained by a crash; what a run costs, and how many picks there are in an hour, is told by those that
+    came to their own end. None is what cannot be told of so few.
     """
     ended = [row for row in rows if row["state"] == "ended"]
     told = [row for row in rows if "objects_total" in row]
     total = np.array([objects_of(row) for row in rows], float)
     done = np.array([row.get("objects_sorted", 0) for row in rows], float)
     trials = sum(row["manipulation_trials"] for row in told)
-    moved = sum(attempt["outcome"] == "sorted" for row in told for attempt in row["attempts"])
+    moved = sum(attempt["outcome"] == "sorted" for row in ended for attempt in row["attempts"])
     low, high = share_interval(done, total, seed)
-    simulated = sum(row["timing"]["sim_time_s"] or 0.0 for row in told)
+    simulated = sum(row["timing"]["sim_time_s"] or 0.0 for row in ended)
     violations = [sum(row["limits"]["violations"].values()) for row in told if row.get("limits")]
     figures = {
         "runs": len(rows),
@@ -51,7 +51,7 @@ def batch_figures(rows: Sequence[Row], seed: int = 0) -> dict[str, float | None]
         "limit_violations": sum(violations),
         "cpu_s_per_run_median": _median([row["cpu_s"] for row in ended]),
         "cpu_s_per_run_max": max((row["cpu_s"] for row in ended), default=float("nan")),
-        **{f"{what}_median": _median([row["timing"][what] for row in told]) for what in COSTS},
+        **{f"{what}_median": _median([row["timing"][what] for row in ended]) for what in COSTS},
         "peak_memory_mib_max": max((row["peak_memory_mib"] for row in rows), default=float("nan")),
     }
     return {name: None if np.isnan(value) else float(value) for name, value in figures.items()}

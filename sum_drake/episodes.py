@@ -10,9 +10,9 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from sum_drake.assets import InputError, one_line
 from sum_drake.jsonio import encode
@@ -88,38 +88,60 @@ KEPT = (
 """Fields of a summary that are told of an episode."""
 
 
-_running: set["subprocess.Popen[bytes]"] = set()
-"""Of this process."""
+class Running:
+    """The processes of episodes that are under way, to be ended together; from then on, none is begun."""
 
+    def __init__(self) -> None:
+        self._lock, self._over = threading.Lock(), False
+        self.processes: set[subprocess.Popen[bytes]] = set()
 
-def end_episodes() -> None:
-    """Ends what this process has under way."""
-    for process in tuple(_running):
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-
-
-def run_episode(spec: EpisodeSpec, folder: Path | None = None) -> Episode:
-    """Runs it in a process of its own, in a temporary folder, by default the system's, that is gone afterwards."""
-    with tempfile.TemporaryDirectory(dir=folder, prefix=f"{spec.seed}.") as temporary:
-        scenario, run = Path(temporary, "scenario.yaml"), Path(temporary, "run")
-        scenario.write_text(spec.scenario)
-        with Path(temporary, "log.txt").open("w+", errors="replace") as log:
-            command = [sys.executable, "-m", "sum_drake.worker", str(spec.memory_mib), "sort"]
-            command += ["--scenario-file", str(scenario), "--seed", str(spec.seed), "--out", str(run)]
+    def begin(self, command: Sequence[str], log: TextIO) -> "subprocess.Popen[bytes]":
+        """A process of its own. Raises RuntimeError where all were ended."""
+        with self._lock:
+            if self._over:
+                raise RuntimeError("the episodes were ended")
             process = subprocess.Popen(
-                [*command, "--workers", "1"],
+                command,
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, **ONE_THREAD},
                 start_new_session=True,  # Ctrl-C is for whoever started it.
             )
-            _running.add(process)
+            self.processes.add(process)
+        return process
+
+    def done(self, process: "subprocess.Popen[bytes]") -> None:
+        """That one has ended."""
+        with self._lock:
+            self.processes.discard(process)
+
+    def end(self) -> None:
+        """Ends them."""
+        with self._lock:
+            self._over = True
+            for process in self.processes:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+
+
+def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running | None = None) -> Episode:
+    """Runs it in a process of its own, in a temporary folder, by default the system's, that is gone afterwards.
+
+    running: through which it may be ended.
+    """
+    running = Running() if running is None else running
+    with tempfile.TemporaryDirectory(dir=folder, prefix=f"{spec.seed}.") as temporary:
+        scenario, run = Path(temporary, "scenario.yaml"), Path(temporary, "run")
+        scenario.write_text(spec.scenario)
+        with Path(temporary, "log.txt").open("w+", errors="replace") as log:
+            command = [sys.executable, "-m", "sum_drake.worker", str(spec.memory_mib), "sort"]
+            command += ["--scenario-file", str(scenario), "--seed", str(spec.seed), "--out", str(run)]
+            process = running.begin([*command, "--workers", "1"], log)
             try:
                 done = _wait(process, spec.time_limit_s)
             finally:
-                _running.discard(process)
+                running.done(process)
             log.seek(0)
             said = log.read()[-LOG_TAIL:].replace(f"{temporary}{os.sep}", "")
         return _judge(spec, done, said, run)

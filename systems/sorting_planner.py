@@ -187,10 +187,10 @@ class SortingPlanner(LeafSystem):
         # What was in the hand's way once is met again by another grasp, often: from then on it pushes harder.
         pushed = any(a.label == choice.track.label and a.reason == "unexpected_effort" for a in held.attempts)
         motion = dataclasses.replace(self._numbered(held, choice.plan.pick), insistence=PUSHING if pushed else 1.0)
-        return dataclasses.replace(
-            held, phase="pick", attempts=attempts, looks=0, pick=choice, motion=motion, at_lift=NOTHING,
-            at_place=NOTHING, released=False, stopped="", carry_ons=0, retreats=0, still_since=None, shakes=0,
-            hung=False, hangs=None,
+        # Nothing of the pick before is left but what came of it.
+        return _Sorting(
+            phase="pick", since=held.since, observations=held.observations, pick=choice, motion=motion,
+            action=held.action, attempts=attempts,
         )  # fmt: skip
 
     def _follow_pick(self, context: Context, held: _Sorting) -> _Sorting:

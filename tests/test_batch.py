@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from refusals import refused
@@ -16,7 +17,7 @@ from sum_drake import episodes
 from sum_drake.batch import read_episodes
 from sum_drake.cli import main
 from sum_drake.doctor import versions
-from sum_drake.episodes import EpisodeSpec, run_episode
+from sum_drake.episodes import EpisodeSpec, Running, run_episode
 from sum_drake.summary_schema import validate_summary
 from sum_drake.systems.scenario import dump_scenario, load_scenario
 
@@ -95,7 +96,7 @@ def test_a_worker_ends_with_whoever_started_it():
 @pytest.mark.parametrize(
     ("limits", "state", "words"),
     [((1.0, 4096), "timed_out", "not done after 1 s"), ((600.0, 200), "crashed", "exit status")],
-    ids=["time", "memory"],
+    ids=["time", "memory to start"],
 )
 def test_what_takes_too_much_is_a_result(limits, state, words, tmp_path):
     scenario = dump_scenario(load_scenario(text=SHORT, seed=5))
@@ -105,6 +106,58 @@ def test_what_takes_too_much_is_a_result(limits, state, words, tmp_path):
     row = episode.row()
     assert row["seed"] == 5 and row["reason"] == episode.reason and "digest" not in row
     assert not list(tmp_path.iterdir()), "nothing is left"
+
+
+def test_a_run_that_gets_no_more_memory_is_a_result_with_its_reason(tmp_path):
+    scenario = dump_scenario(load_scenario(text=SHORT, seed=5))
+    episode = run_episode(EpisodeSpec(5, scenario, 600.0, 750), tmp_path)
+    assert episode.state in ("failed", "crashed"), "what asked for it says so, or dies"
+    assert "memory" in episode.reason or "ended by SIG" in episode.reason
+
+
+def test_a_run_that_fails_and_says_why_is_told_as_that(undisturbed):
+    spec, done = EpisodeSpec(5, "", 1.0, 512), episodes._Done(1, False, 2.0, 3.0, 4.0)
+    episode = episodes._judge(spec, done, "said", undisturbed / "5")
+    outcome = json.loads((undisturbed / "5" / "summary.json").read_text())["outcome"]
+    assert (episode.state, episode.reason, episode.log) == ("failed", outcome, "said")
+    assert episode.row()["digest"] == digests(undisturbed)[5]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_says_how_it_goes_on_and_leaves_nothing_running(number, tmp_path):
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "sum_drake", *batch(out, "--workers", "2", runs=3)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while not (runs := episodes_of(process.pid)):
+        assert process.poll() is None, "it ended before it was interrupted"
+        time.sleep(0.05)
+    process.send_signal(number)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 128 + number
+    word = "interrupted" if number == signal.SIGINT else "ended"
+    assert said.splitlines()[-1] == f"sum-drake: {word}; {out} keeps what was done: the same command goes on"
+    assert not any(Path(f"/proc/{run}").exists() for run in runs)
+
+
+def episodes_of(pid):
+    """Processes of episodes that a process has under way."""
+    children = Path(f"/proc/{pid}/task").glob("*/children")
+    return [child for file in children for child in file.read_text().split() if "sum_drake.worker" in command_of(child)]
+
+
+def command_of(pid):
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:  # it has ended
+        return ""
+
+
+def test_none_is_begun_once_all_were_ended(tmp_path):
+    running = Running()
+    running.end()
+    with pytest.raises(RuntimeError, match="ended"):
+        run_episode(EpisodeSpec(5, "", 1.0, 512), tmp_path, running)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_batch_in_which_every_run_dies_is_told_like_others(tmp_path, capsys):
@@ -119,23 +172,23 @@ def test_a_batch_in_which_every_run_dies_is_told_like_others(tmp_path, capsys):
     assert "2 runs: 0 of 2 objects sorted, 0.000" in said and "lost: 2 the run timed_out" in said
 
 
-def test_a_run_that_fails_and_one_that_is_killed_are_results(tmp_path):
+def test_a_run_that_is_refused_and_one_that_is_killed_are_results(tmp_path):
     scenario = dump_scenario(load_scenario(text=SHORT, seed=5))
     missing = run_episode(EpisodeSpec(5, scenario.replace("soup_can", "no_such_thing"), 600, 4096), tmp_path)
     assert missing.state == "crashed" and "exit status 2, no summary.json" in missing.reason
-    found = []
+    running = Running()
 
     def end() -> None:
-        while not (running := tuple(episodes._running)):
+        while not running.processes:
             time.sleep(0.01)
-        found.append(running[0].pid)
-        os.killpg(running[0].pid, signal.SIGRTMIN + 3)
+        (process,) = running.processes
+        os.killpg(process.pid, signal.SIGRTMIN + 3)
 
     killer = threading.Thread(target=end)
     killer.start()
-    killed = run_episode(EpisodeSpec(5, scenario, 600, 4096), tmp_path)
+    killed = run_episode(EpisodeSpec(5, scenario, 600, 4096), tmp_path, running)
     killer.join()
-    assert killed.state == "crashed" and killed.reason.startswith(f"ended by signal {signal.SIGRTMIN + 3}"), found
+    assert killed.state == "crashed" and killed.reason.startswith(f"ended by signal {signal.SIGRTMIN + 3}")
 
 
 def test_a_batch_that_was_killed_at_its_first_write_goes_on(tmp_path):
@@ -144,6 +197,22 @@ def test_a_batch_that_was_killed_at_its_first_write_goes_on(tmp_path):
     (out / ".batch.json.part").write_text("{")
     assert main(batch(out, "--time-limit", "1", runs=1)) == 0
     assert told(out)["done"] == 1
+
+
+def test_what_a_killed_batch_left_and_cannot_be_removed_is_no_obstacle(tmp_path, monkeypatch):
+    out, remove = tmp_path / "out", shutil.rmtree
+    (out / ".work" / "5.kept.old").mkdir(parents=True)
+
+    def keep_work(path, *arguments, **options):
+        """As where a file is still open on a network's disk."""
+        if Path(path).name != ".work":
+            remove(path, *arguments, **options)
+        elif not options.get("ignore_errors"):
+            raise OSError("not empty")
+
+    monkeypatch.setattr(shutil, "rmtree", keep_work)
+    assert main(batch(out, "--time-limit", "1", runs=1)) == 0
+    assert told(out)["done"] == 1 and (out / "5" / "episode.json").is_file()
 
 
 def test_a_batch_says_what_made_its_runs_whoever_counts_them(undisturbed, tmp_path, capsys):

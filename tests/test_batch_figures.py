@@ -65,6 +65,11 @@ def test_shares_costs_and_picks():
     assert figures["picks_per_simulated_hour"] == pytest.approx(120.0)
     assert figures["limit_violations"] == 3
     assert figures["planning_cpu_s_median"] is None, "never planned"
+    dear = run(3, {"a": "table"}, [], state="failed", cpu_s=1e4, timing={**rows[0]["timing"], "perception_cpu_s": 1e4})
+    told = batch_figures([*rows, dear])
+    costs = ("cpu_s_per_run_median", "cpu_s_per_run_max", "perception_cpu_s_median", "picks_per_simulated_hour")
+    assert [told[cost] for cost in costs] == [figures[cost] for cost in costs], "of those that came to their own end"
+    assert told["objects_sorted_share"] == pytest.approx(6 / 7)
 
 
 def test_a_run_whose_process_died_sorted_nothing():

@@ -6,7 +6,7 @@ import pytest
 from test_batch_figures import attempt, run
 
 from sum_drake.assets import InputError
-from sum_drake.batch import Processes
+from sum_drake.batch import Processes, read_batch
 from sum_drake.bench.ablations import DEFAULT, FIGURES, VARIANTS, bench_ablations, figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare
@@ -24,21 +24,28 @@ def pours(lost):
 
 
 def test_every_variant_changes_the_scenario_in_a_way_of_its_own():
-    texts = {name: dump_scenario(load_scenario(text=text)) for name, (_, text) in VARIANTS.items()}
+    texts = {name: dump_scenario(load_scenario(text=variant.changes)) for name, variant in VARIANTS.items()}
     assert texts[DEFAULT] == dump_scenario(load_scenario())
     assert len(set(texts.values())) == len(VARIANTS)
+    names = list(VARIANTS)
+    assert all(names.index(VARIANTS[name].against) < names.index(name) for name in names[1:])
 
 
 def test_gains_are_over_the_pours_that_both_sorted():
-    found = figures({DEFAULT: pours([0, 0, 1, 0]), "paper_filter": pours([1, 1, 1, 1]), "no_memory": pours([0])})
+    found = figures({DEFAULT: pours([0, 0, 1, 0]), "no_existence": pours([1, 1, 1, 1]), "no_memory": pours([0])})
     assert found["default.objects_sorted_share"] == pytest.approx(7 / 8)
-    assert found["paper_filter.objects_sorted_share"] == 0.5
-    assert found["paper_filter.gain"] == pytest.approx(-3 / 8)
-    assert found["paper_filter.gain_low95"] < -3 / 8 < found["paper_filter.gain_high95"]
-    assert (found["paper_filter.pairs_that_differ"], found["paper_filter.gain_p"]) == (3, 0.25), "no proof"
+    assert found["no_existence.objects_sorted_share"] == 0.5
+    assert found["no_existence.gain"] == pytest.approx(-3 / 8)
+    assert found["no_existence.gain_low95"] < -3 / 8 < found["no_existence.gain_high95"]
+    assert (found["no_existence.pairs_that_differ"], found["no_existence.gain_p"]) == (3, 0.25), "no proof"
     assert found["no_memory.gain"] != found["no_memory.gain"], "of one pair nothing can be told"
     assert "default.gain" not in found
     assert {f"default.{name}" for name in FIGURES} <= found.keys()
+
+
+def test_a_variant_of_two_changes_is_compared_with_that_of_one():
+    rows = {DEFAULT: pours([0, 0, 0]), "no_existence": pours([1, 1, 0]), "paper_filter": pours([2, 1, 0])}
+    assert figures(rows)["paper_filter.gain"] == pytest.approx(-1 / 6)
 
 
 def test_variants_are_run_told_and_gone_on_with(tmp_path):
@@ -54,7 +61,7 @@ def test_variants_are_run_told_and_gone_on_with(tmp_path):
         )  # fmt: skip
     assert told[-1][1:] == (1, 1) and {what.split(":")[0] for what, *_ in told} == {"default", "no_memory"}
     data = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert data["settings"]["variants"] == {name: VARIANTS[name][1] for name in ("default", "no_memory")}
+    assert data["settings"]["variants"] == {name: VARIANTS[name].changes for name in ("default", "no_memory")}
     assert [(row["variant"], row["seed"]) for row in data["rows"] if row["table"] == "run"] == [
         ("default", 3), ("no_memory", 3)
     ]  # fmt: skip
@@ -89,11 +96,18 @@ def test_a_default_that_is_of_something_else_is_refused(tmp_path):
         bench(default, duration=0.4)
     with pytest.raises(InputError, match="seed 4 is not done; expected 2 from 3"):
         bench(default, runs=2)
+    told = read_batch(default)
+    older = {**told["versions"], "drake": "1.0"}
+    (default / "batch.json").write_text(json.dumps({**told, "versions": older}))
+    with pytest.raises(InputError, match=r"is of drake 1\.0 and not"):
+        bench(default)
     assert not (tmp_path / "0.4").exists()
 
 
 def test_what_is_unknown_is_refused_before_anything_is_run(tmp_path, capsys):
-    with pytest.raises(InputError, match="variant 'luck': unknown; expected some of default, paper_filter"):
+    with pytest.raises(
+        InputError, match="variant 'luck': unknown; expected some of default, no_existence, paper_filter"
+    ):
         bench_ablations(tmp_path, lambda text: ([], {}), Processes(1), variants=("luck",), progress=print)
     (tmp_path / "b").mkdir()
     out = str(tmp_path / "out")

@@ -1,6 +1,8 @@
 """All benches in turn."""
 
 import json
+import os
+import signal
 
 import pytest
 from refusals import refused
@@ -10,8 +12,9 @@ from sum_drake.cli import main
 from sum_drake.commands.bench_runs import BENCHES
 
 
-def test_what_is_done_is_not_done_again_and_what_fails_is_told_and_ends_nothing(tmp_path, capsys):
-    failing = ("sort", "faults")
+@pytest.mark.parametrize("every", [False, True])
+def test_what_is_done_is_not_done_again_and_what_fails_is_told_and_ends_nothing(every, tmp_path, capsys):
+    failing = BENCHES if every else ("sort", "faults")
     for name in BENCHES:
         (tmp_path / name).mkdir()
         write_results(tmp_path / name, name, quick=True, settings={}, seeds={}, figures={}, rows=[])
@@ -21,11 +24,28 @@ def test_what_is_done_is_not_done_again_and_what_fails_is_told_and_ends_nothing(
     before = sorted(tmp_path.rglob("*"))
     assert main(["bench", "all", "--quick", "--out", str(tmp_path)]) == 1
     said = capsys.readouterr().err
-    assert said.splitlines()[-1] == "sum-drake: failed: sort, faults: see above"
-    assert said.count("notes.txt") == len(failing)
+    assert said.splitlines()[-1] == f"sum-drake: failed: {', '.join(failing)}: see above"
+    assert said.count("holds 'notes.txt'") + said.count("exists and is not empty") == len(failing)
     for name in BENCHES:
         assert (f"bench {name} " in said) == (name in failing)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_ends_one_ends_all(number, tmp_path, capsys, monkeypatch):
+    begun = []
+
+    def bench(*arguments, **options):
+        begun.append(arguments)
+        os.kill(os.getpid(), number)
+        raise AssertionError("the signal comes first")
+
+    monkeypatch.setattr("sum_drake.bench.detect.bench_detect", bench)
+    monkeypatch.setattr("sum_drake.bench.pose.bench_pose", bench)
+    assert main(["bench", "all", "--quick", "--out", str(tmp_path)]) == 128 + number
+    assert len(begun) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f"sum-drake: {'ended' if number == signal.SIGTERM else 'interrupted'}; the same command goes on"
 
 
 def test_results_of_something_else_are_not_taken_for_done(tmp_path, capsys):

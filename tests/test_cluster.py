@@ -1,6 +1,7 @@
 """A batch on a Dask cluster: here a scheduler and two workers on the loopback, one of which is killed."""
 
 import json
+import shutil
 import socket
 import subprocess
 import sys
@@ -8,8 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
-from test_batch import batch, digests
+from test_batch import batch, digests, episodes_of
 
+import sum_drake
 from sum_drake.cli import main
 from sum_drake.cluster import _installed, _run_same
 from sum_drake.episodes import EpisodeSpec
@@ -44,7 +46,7 @@ def test_a_lost_worker_loses_no_episode_and_changes_none(scheduler, tmp_path):
     first, out = start_worker(), tmp_path / "cluster"
     running = subprocess.Popen([sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=3)])
     start_worker()
-    wait_for(lambda: runs_an_episode(first), running)
+    wait_for(lambda: episodes_of(first.pid), running)
     first.kill()
     assert running.wait(timeout=300) == 0
     alone = tmp_path / "alone"
@@ -59,7 +61,7 @@ def test_an_episode_that_takes_its_workers_along_is_a_result(scheduler, tmp_path
     address, start_worker, _ = scheduler
     first, out = start_worker(), tmp_path / "out"
     running = subprocess.Popen([sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=1)])
-    wait_for(lambda: runs_an_episode(first), running)
+    wait_for(lambda: episodes_of(first.pid), running)
     first.kill()
     start_worker()
     assert running.wait(timeout=300) == 0
@@ -73,7 +75,7 @@ def test_a_batch_whose_scheduler_goes_away_ends_and_goes_on_elsewhere(scheduler,
     first, out = start_worker(), tmp_path / "out"
     command = [sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=2)]
     running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    wait_for(lambda: runs_an_episode(first), running)
+    wait_for(lambda: episodes_of(first.pid), running)
     end()
     _, said = running.communicate(timeout=120)
     assert running.returncode == 1 and "Traceback" not in said
@@ -82,16 +84,25 @@ def test_a_batch_whose_scheduler_goes_away_ends_and_goes_on_elsewhere(scheduler,
     assert len(digests(out)) == 2
 
 
-def runs_an_episode(worker):
-    children = Path(f"/proc/{worker.pid}/task").glob("*/children")
-    return any("sum_drake.worker" in command(pid) for file in children for pid in file.read_text().split())
-
-
-def command(pid):
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_text()
-    except OSError:  # it has ended
-        return ""
+def test_a_batch_ends_where_a_worker_has_another_program_and_goes_on_elsewhere(scheduler, tmp_path, monkeypatch):
+    address, start_worker, _ = scheduler
+    package = Path(sum_drake.__file__).parent
+    shutil.copytree(package, tmp_path / "other" / "sum_drake", ignore=shutil.ignore_patterns("models", "__pycache__"))
+    (tmp_path / "other" / "sum_drake" / "models").symlink_to(package / "models")
+    with (tmp_path / "other" / "sum_drake" / "geometry.py").open("a") as file:
+        file.write("# of another version\n")
+    with monkeypatch.context() as patched:
+        patched.setenv("PYTHONPATH", str(tmp_path / "other"))
+        patched.setenv("PYTHONSAFEPATH", "1")  # the folder that tests are run in is no part of it
+        start_worker()
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=1)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith(f"sum-drake: failed: {address}: a worker failed: ")
+    assert said.endswith("has another version of the program; expected what the batch was begun with")
+    assert main(batch(out, runs=1)) == 0 and len(digests(out)) == 1
 
 
 def wait_for(condition, running):

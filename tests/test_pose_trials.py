@@ -46,6 +46,11 @@ def test_looks_with_the_most_false_positives_are_shown_in_three_pictures():
     record = make_perception(0, CATALOGUE)
     row = PoseRow("default", 1, "mug", 0, "stereo", 1.0, False, 0.004, 3.0, 90.0, 0.002, 0.9, 0.8, 9, [], detected=True)
     looks = [Corrected(record, false, max(false - 1, 0), 1) for false in (0, 1, 2, 5, 3)]
+    counted = pose_trials.corrected(looks)
+    assert counted == {
+        "trials.false_positives": 11, "trials.false_positives_rejected": 7, "trials.accepted_wrong": 5,
+    }  # fmt: skip
+    assert pose_trials.corrected([]) == {}
     html = "".join(papers_part([row], figures([row]), looks, "", CATALOGUE))
     assert html.count("<figure>") == 3 * 3 and html.count(">rotation bound, degrees<") == 4
     assert "7 of 11 hypotheses" in html and "5 accepted ones are wrong" in html

@@ -3,9 +3,12 @@
 import dataclasses
 
 import pytest
+from refusals import refused
 
 from sum_drake.assets import InputError
 from sum_drake.bench.resumed import RowLog
+from sum_drake.doctor import versions
+from sum_drake.files import alone
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +47,21 @@ def test_rows_of_other_settings_or_of_another_shape_are_refused_and_stay(tmp_pat
         (tmp_path / "rows.jsonl").write_text(broken)
         with pytest.raises(InputError, match=rf"rows.jsonl, line {line}: .*expected a row of this bench"):
             log(tmp_path)
+
+
+def test_rows_that_other_packages_made_are_refused(tmp_path, monkeypatch):
+    log(tmp_path)
+    monkeypatch.setattr("sum_drake.bench.resumed.versions", lambda: {**versions(), "drake": "2.0"})
+    with pytest.raises(InputError, match=f"is of drake {versions()['drake']} and not 2.0"):
+        log(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["pose", "reject", "plan"])
+def test_two_are_not_at_one_folder(name, tmp_path, capsys):
+    with alone(tmp_path, "a test"):
+        line = refused(capsys, "bench", name, "--quick", "--out", str(tmp_path))
+    assert line == f"sum-drake: --out {tmp_path}: another bench is at it; expected its end, or another folder"
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_that_is_no_text_is_one_line(tmp_path):

@@ -45,7 +45,7 @@ class Bench:
     """The planner between ports that the test turns."""
 
     def __init__(self, *choices, ways_on=0, shakes=True):
-        self.asked, self.shaken, self.brought_back = [], [], []
+        self.asked, self.shaken, self.brought_back, self.shakes = [], [], [], shakes
         choices, ways_on = list(choices), [MOTION.segments] * ways_on
 
         def decide(perception, attempts, looks, q):
@@ -62,7 +62,7 @@ class Bench:
             return Motion(motion, ways_on.pop(), LOAD)
 
         def shake(perception, pick, q, motion, times):
-            if not shakes:
+            if not self.shakes:
                 raise RuntimeError("no way there")
             self.shaken.append((pick.track.id, times))
             return Motion(motion, MOTION.segments)
@@ -110,9 +110,9 @@ class Bench:
         """Until the arm has been at rest for so long that what hangs on it is weighed."""
         self.wait(0.6)
 
-    def carried(self):
-        """An object is picked, and let go at the place."""
-        self.look(0)
+    def carried(self, step=0):
+        """An object is picked after that look, and let go at the place."""
+        self.look(step)
         self.hand(0.04)
         self.finish()
         self.run("transport")
@@ -499,6 +499,26 @@ def test_what_falls_off_the_hand_before_it_is_over_the_place_was_lost_on_the_way
     assert (attempt.reason, action.hangs, action.held_lift, action.held_place) == (
         "lost_in_transport", False, True, False,
     )  # fmt: skip
+
+
+def test_what_was_shaken_off_once_says_nothing_of_what_falls_off_in_the_next_pick():
+    bench = Bench(Pick(PLAN, TRACK, "bin", ()), Pick(PLAN, TRACK, "bin", ()))
+    bench.carried()
+    bench.hand(0.1, hanging=0.3)
+    bench.finish()
+    bench.rest()
+    bench.shake_off()
+    bench.shakes = False
+    bench.carried(1)
+    bench.hand(0.1, hanging=0.3)
+    bench.run("weigh")
+    bench.run("weigh")
+    bench.run("return")
+    bench.hand(0.1)
+    bench.finish()
+    bench.rest()
+    told = [(attempt.reason, attempt.action.held_place) for attempt in bench.out("attempts")]
+    assert told == [("executed", True), ("lost_in_transport", False)]
 
 
 def test_what_hangs_is_told_although_the_arm_was_stopped_after_the_release():

@@ -90,6 +90,7 @@ def bench_detect(
         table = rows(measured, detector.labels, detector.threshold)
         html = report_page(measured, found, table, detector.labels, detector.threshold, sets)
     out.mkdir(parents=True, exist_ok=True)
+    write_whole(out / "report.html", html)
     write_results(
         out,
         "detect",
@@ -99,7 +100,6 @@ def bench_detect(
         figures=found,
         rows=table,
     )
-    write_whole(out / "report.html", html)
     return found
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, read_episodes, run_batch
-from sum_drake.batch_figures import Row, causes, known_figures
+from sum_drake.batch import Executor, Progress, made_by, read_episodes, run_batch
+from sum_drake.batch_figures import Row, causes, errors, known_figures, losses
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
@@ -40,7 +40,7 @@ def bench_faults(
     executor: Executor,
     *,
     quick: bool,
-    progress: Any,
+    progress: Progress,
 ) -> dict[str, float]:
     """Runs them, and writes results.json and report.html; returns the figures."""
     run_batch(out / "runs", specs, settings, executor, progress)
@@ -49,17 +49,24 @@ def bench_faults(
     found = fault_figures(runs, sum(map(len, broken.values())))
     rows = (
         [{"table": "fault", "seed": row["seed"], **fault} for row in runs for fault in row.get("faults") or ()]
-        + [
-            {"table": "run", **{name: row.get(name) for name in ("seed", "state", "reason", "outcome", "digest")}}
-            for row in runs
-        ]
+        + [{"table": "run", **{name: row.get(name) for name in TOLD}} for row in runs]
         + [{"table": "invalid_belief", "seed": seed, "what": what} for seed, said in broken.items() for what in said]
-    )
-    write_results(
-        out, "faults", quick=quick, settings=dict(settings), seeds={"first": specs[0].seed}, figures=found, rows=rows
+        + [{"table": "loss", **loss} for loss in losses(runs)]
+        + [{"table": "error", "cause": cause, "trials": trials} for cause, trials in errors(runs).items()]
     )
     write_whole(out / "report.html", _page(runs, found, rows))
+    write_results(
+        out, "faults", quick=quick, settings=settings, seeds={"first": specs[0].seed}, figures=found, rows=rows,
+        batches=[made_by(out / "runs")],
+    )  # fmt: skip
     return found
+
+
+TOLD = (
+    "seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
+    "manipulation_trials", "manipulation_errors", "limits", "digest",
+)  # fmt: skip
+"""Of each run, in results.json."""
 
 
 def fault_figures(runs: Sequence[Row], invalid: int) -> dict[str, float]:
@@ -144,6 +151,26 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
             ],
         ),
         "<h2>Objects lost, by cause</h2>",
-        page.table(("cause", "objects"), [(page.text(cause), str(n)) for cause, n in causes(runs).items()]),
+        _by_cause("objects", causes(runs)),
+        "<h2>Manipulation errors, by cause</h2>",
+        _by_cause("trials", errors(runs)),
+        "<h2>Samples over a joint's limits</h2>",
+        page.table(
+            ("seed", *LIMITS),
+            [
+                (str(row["seed"]), *(str(row["limits"]["violations"].get(kind, 0)) for kind in LIMITS))
+                for row in runs
+                if row.get("limits") and any(row["limits"]["violations"].values())
+            ],
+        ),
     ]
     return page.page("Runs with faults", parts)
+
+
+LIMITS = ("position", "speed", "effort")
+"""What a joint may exceed: `limits.violations` of a summary."""
+
+
+def _by_cause(what: str, counts: Mapping[str, int]) -> str:
+    rows = [(page.text(cause), str(number)) for cause, number in counts.items()]
+    return page.table(("cause", what), rows) if rows else "<p>None.</p>"

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from sum_drake.bench.tables import Sight, Table
+from sum_drake.bench.poured_tables import Sight, Table
 from sum_drake.bench.watching import Setting, Tables
 from sum_drake.consistency import agree
 from sum_drake.evaluation import Truth, score_observation

@@ -106,6 +106,7 @@ def bench_plan(
     )
     found = figures(dict(zip(tasks, done, strict=True)))
     rows = _rows(dict(zip(tasks, done, strict=True)))
+    write_whole(out / "report.html", report_page(rows, found, AIMS))
     write_results(
         out,
         "plan",
@@ -115,7 +116,6 @@ def bench_plan(
         figures=found,
         rows=rows,
     )
-    write_whole(out / "report.html", report_page(rows, found, AIMS))
     return found
 
 

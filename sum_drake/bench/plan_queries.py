@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from sum_drake import timing
 from sum_drake.assets import InputError, one_line
+from sum_drake.bench.poured_tables import TABLE_TOP
 from sum_drake.bench.sequences import BIN
-from sum_drake.bench.tables import TABLE_TOP
 from sum_drake.detection.arrangement import pour
 from sum_drake.detection.scene_rendering import body_of, station_ground
 from sum_drake.files import write_whole

@@ -102,7 +102,9 @@ def bench_pose(
             for look in pose_trials.looks(tables, clutter):
                 looks.append(look)
                 progress("looking at the paper's scenes", len(looks), len(clutter))
+        found |= pose_trials.corrected(looks)
         html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue, looks, why_not)
+    write_whole(out / "report.html", html)
     write_results(
         out,
         "pose",
@@ -112,7 +114,6 @@ def bench_pose(
         figures=found,
         rows=[{"table": "estimate", **dataclasses.asdict(row)} for row in rows],
     )
-    write_whole(out / "report.html", html)
     return found
 
 

@@ -10,15 +10,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sum_drake.bench.hypotheses import judge
-from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene
-from sum_drake.bench.tables import Onlooker, pour_table
-from sum_drake.bench.watching import Setting, Tables
+from sum_drake.bench.pose_scenes import FIRST_SCENE, Instance, PoseScene
+from sum_drake.bench.watching import Setting, Tables, set_table
 from sum_drake.detection.inference import Detector
 from sum_drake.evaluation import TRUE_IOU, Truth, score_observation
 from sum_drake.geometry import inverse, iou, mask_box
 from sum_drake.objects import Catalogue
 from sum_drake.rendering import DepthRenderer
-from sum_drake.seeds import derive
 from sum_drake.types import Box, Detection, Immutable, Perception
 
 SCENES, TRIALS = 10, 10
@@ -37,9 +35,8 @@ def paper_scene(seed: int) -> Setting:
 
 def trial_scene(catalogue: Catalogue, exact: DepthRenderer, detector: Detector, seed: int) -> PoseScene:
     """A scene whose instances are the detector's true positives. catalogue: the true meshes, as exact renders them."""
-    rng = np.random.default_rng([derive(seed, "table")])  # as `Tables.begin` draws, which looks at the same tables
-    table = pour_table(catalogue, rng, objects=OBJECTS)
-    sight = Onlooker(rng, head=True, noise=SENSORS[SENSOR]).look(table, 0, rng)
+    table, onlooker, rng = set_table(catalogue, paper_scene(seed))
+    sight = onlooker.look(table, 0, rng)
     found = detector(sight.frame.color, sight.frame.depth)
     instances = []
     for i, thing in enumerate(table.things, start=1):
@@ -83,3 +80,14 @@ def looks(tables: Tables, seeds: Sequence[int]) -> Iterator[Corrected]:
         scored = score_observation(record, Truth(0, tuple(table.X_WOs.items())), tables.catalogue)
         wrong = sum(one.accepted and not one.right for one in judge(record, table, at, tables.catalogue))
         yield Corrected(record, scored["false_positives"], scored["false_positives_rejected"], wrong)
+
+
+def corrected(looks: Sequence[Corrected]) -> dict[str, float]:
+    """Figures of looks; none of none."""
+    if not looks:
+        return {}
+    return {
+        "trials.false_positives": sum(look.false for look in looks),
+        "trials.false_positives_rejected": sum(look.rejected for look in looks),
+        "trials.accepted_wrong": sum(look.accepted_wrong for look in looks),
+    }

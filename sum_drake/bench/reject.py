@@ -100,6 +100,7 @@ def bench_reject(
     trials = [one.look for task, one in done.items() if task[0] == "trial" and one.look is not None]
     followed = [one.followed for one in done.values() if one.followed is not None]
     found = figures(looks, trials, followed)
+    write_whole(out / "report.html", report_page(looks, trials, followed, found))
     write_results(
         out,
         "reject",
@@ -109,7 +110,6 @@ def bench_reject(
         figures=found,
         rows=_rows(looks, trials, followed),
     )
-    write_whole(out / "report.html", report_page(looks, trials, followed, found))
     return found
 
 

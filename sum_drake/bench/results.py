@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sum_drake.doctor import commit, device, versions
+from sum_drake.fingerprint import code
 from sum_drake.jsonio import encode, write_json
 
 SCHEMA = "sum-drake/bench/1"
@@ -20,29 +21,36 @@ def write_results(
     seeds: Mapping[str, int],
     figures: Mapping[str, float],
     rows: Sequence[Mapping[str, Any]],
+    batches: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """Writes `out`/results.json, whole or not at all.
 
     Args:
         bench: its name.
-        settings: what else it depends on.
+        settings: what else it depends on, beside the program's code.
         seeds: by what they are for.
         figures: name -> number; shares are 0 to 1. What cannot be known (nan) becomes null, in rows, too.
         rows: the tables behind the figures; each row names its table under "table".
+        batches: `batch.made_by` of those that the rows are of. Commit and device are then theirs, not whoever counts'.
     """
     data = {
         "schema": SCHEMA,
         "bench": bench,
         "quick": quick,
-        "settings": settings,
+        "settings": {"code": code(), **settings},
         "seeds": seeds,
         "versions": versions(),
-        "commit": commit(),
-        "device": device(),
+        "commit": _all_of(batches, "commit") or commit(),
+        "device": _all_of(batches, "device") or device(),
         "figures": figures,
         "rows": rows,
     }
     write_json(out / "results.json", _without_nan(encode(data)))
+
+
+def _all_of(batches: Sequence[Mapping[str, Any]], field: str) -> str:
+    """What batches tell under a name, each once."""
+    return "; ".join(dict.fromkeys(part for batch in batches for part in str(batch[field] or "unknown").split("; ")))
 
 
 def _without_nan(data: Any) -> Any:

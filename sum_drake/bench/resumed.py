@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from sum_drake.assets import InputError, one_line
+from sum_drake.doctor import versions
 from sum_drake.files import write_whole
 from sum_drake.fingerprint import different
 from sum_drake.jsonio import decode, encode
@@ -23,7 +24,7 @@ Result = TypeVar("Result")
 
 
 class RowLog(Generic[Result]):
-    """rows.jsonl: settings in the first line, then one line for each task that is done.
+    """rows.jsonl: settings and versions of packages in the first line, then one line for each task that is done.
 
     kind: the type of a task's result, which `jsonio.encode` can write. Raises InputError for a file of other settings
     or another shape; a last line that was cut off while it was written is dropped.
@@ -32,6 +33,7 @@ class RowLog(Generic[Result]):
     def __init__(self, out: Path, settings: Mapping[str, Any], kind: type[Result]) -> None:
         self._path = out / "rows.jsonl"
         self.done: dict[Task, Result] = {}
+        settings = {**settings, **versions()}
         out.mkdir(parents=True, exist_ok=True)
         where = str(self._path)
         try:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from sum_drake.bench.hypotheses import SEEN_PIXELS, Judged, is_right, is_visible, judge
-from sum_drake.bench.tables import TABLE_TOP, Sight, Table, Thing, changed
+from sum_drake.bench.poured_tables import TABLE_TOP, Sight, Table, Thing, changed
 from sum_drake.bench.watching import Matched, Setting, Tables, Update, Watcher
 from sum_drake.detection.scene_rendering import body_of
 from sum_drake.existence import LIKELY

@@ -10,7 +10,7 @@ from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, made_by, read_batch, read_episodes, run_batch
+from sum_drake.batch import Executor, Progress, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.results import write_results
@@ -48,7 +48,7 @@ def bench_sort(
     *,
     usual: Callable[[int], Mapping[str, Any]],
     quick: bool,
-    progress: Any,
+    progress: Progress,
 ) -> dict[str, float]:
     """Runs the sequences, and writes results.json and report.html of them and of the batches; returns the figures.
 
@@ -62,11 +62,12 @@ def bench_sort(
     for kind, of in by_kind(sequences, larger).items():
         rows += [{"table": "loss", "of": kind, **loss} for loss in losses(of)]
         rows += [{"table": "error", "of": kind, "cause": cause, "trials": n} for cause, n in errors(of).items()]
+    told = [made_by(folder) for folder in batches]
+    write_whole(out / "report.html", _page(sequences, larger, found, told))
     write_results(
-        out, "sort", quick=quick, settings={**settings, "batches": [made_by(folder) for folder in batches]},
-        seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows,
+        out, "sort", quick=quick, settings={**settings, "batches": told},
+        seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows, batches=[made_by(out / "sequences")],
     )  # fmt: skip
-    write_whole(out / "report.html", _page(sequences, larger, found, [made_by(folder) for folder in batches]))
     return found
 
 

@@ -114,8 +114,8 @@ def bench_speed(
         "wall_s": round(time.monotonic() - start, 1),
     }
     out.mkdir(parents=True, exist_ok=True)
-    write_results(out, "speed", quick=quick, settings=settings, seeds={"scene": SCENE + seed}, figures=found, rows=rows)
     write_whole(out / "report.html", report_page(rows, found, AIMS))
+    write_results(out, "speed", quick=quick, settings=settings, seeds={"scene": SCENE + seed}, figures=found, rows=rows)
     return found
 
 

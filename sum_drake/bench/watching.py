@@ -24,7 +24,7 @@ from sum_drake.association import (
 )
 from sum_drake.belief import AcceptanceConfig, BeliefConfig
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS
-from sum_drake.bench.tables import TABLE_TOP, Onlooker, Sight, Table, pour_table
+from sum_drake.bench.poured_tables import TABLE_TOP, Onlooker, Sight, Table, pour_table
 from sum_drake.detection.inference import Detector
 from sum_drake.detection.simulated import SimulatedDetectorConfig, simulate_detections
 from sum_drake.filter_config import FilterConfig
@@ -208,6 +208,13 @@ def compare_matches(scores: Array, threshold: float, observation: int) -> Matche
     return Matched(observation, len(greedy), len(best), greedy == best, *sums)
 
 
+def set_table(catalogue: Catalogue, at: Setting) -> tuple[Table, Onlooker, np.random.Generator]:
+    """The table, who looks at it, and where the rest of the draws come from. catalogue: the true meshes."""
+    rng = np.random.default_rng([derive(at.seed, "table")])
+    table = pour_table(catalogue, rng, objects=at.objects, others=at.others)
+    return table, Onlooker(rng, head=at.head, noise=SENSORS[at.sensor]), rng
+
+
 class Tables:
     """Makes and looks at tables by their seeds; keeps what was rendered of each label. Use it from one thread.
 
@@ -240,9 +247,7 @@ class Tables:
 
         trial: another one is of the same table, but of other noise and draws.
         """
-        rng = np.random.default_rng([derive(at.seed, "table")])
-        table = pour_table(self.catalogue, rng, objects=at.objects, others=at.others)
-        onlooker = Onlooker(rng, head=at.head, noise=SENSORS[at.sensor])
+        table, onlooker, rng = set_table(self.catalogue, at)
         watcher = Watcher(
             at,
             self._catalogues[at.own_meshes],

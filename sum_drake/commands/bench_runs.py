@@ -22,7 +22,9 @@ from sum_drake.commands.common import (
 )
 
 if TYPE_CHECKING:
+    from sum_drake.bench.aims import Aims
     from sum_drake.episodes import EpisodeSpec
+    from sum_drake.systems.scenario import Scenario
 
 BENCHES = ("detect", "pose", "reject", "plan", "sort", "faults", "ablations", "speed")
 """In the order of `bench all`."""
@@ -143,11 +145,11 @@ def _bench_ablations(options: argparse.Namespace) -> None:
 
 def _run(
     options: argparse.Namespace,
-    scenario: Any,
+    scenario: "Scenario",
     runs: int,
     files: tuple[str, ...],
     bench: "Callable[[list[EpisodeSpec], dict[str, Any]], dict[str, float]]",
-    aims: Any,
+    aims: "Aims",
 ) -> None:
     """A bench whose runs are a batch, the folder named last in `files`."""
     from sum_drake.batch import check_batch
@@ -182,7 +184,7 @@ def _bench_all(options: argparse.Namespace) -> None:
         arguments += ["--quiet"] if options.quiet else []
         print(f"sum-drake {' '.join(arguments)}", file=sys.stderr, flush=True)
         code = options.main(arguments)
-        if code == 130:
+        if code > 128:  # 128 and the signal: Ctrl-C, or SIGTERM
             raise KeyboardInterrupt("the same command goes on")
         if code != 0:
             failed.append(name)
@@ -193,19 +195,21 @@ def _bench_all(options: argparse.Namespace) -> None:
 def _is_done(file: Path, name: str, quick: bool) -> bool:
     """Whether a bench's results are there. Raises InputError where they are others than would be made now."""
     from sum_drake.bench.results import SCHEMA
-    from sum_drake.fingerprint import code
+    from sum_drake.doctor import versions
+    from sum_drake.fingerprint import code, different
 
     if not file.is_file():
         return False
     try:
         told = json.loads(file.read_text())
-        found = told["schema"], told["bench"], told["quick"], told["settings"].get("code", code())
+        found = told["schema"], told["bench"], told["quick"]
+        other = different({"code": told["settings"]["code"], **told["versions"]}, {"code": code(), **versions()})
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected results of bench {name}") from None
     if found[:2] != (SCHEMA, name):
         raise InputError(f"{file}: of bench {found[1]}, {found[0]}; expected results of bench {name}, {SCHEMA}")
     if found[2] != quick:
         raise InputError(f"{file}: of the {'short' if found[2] else 'long'} form; expected a new --out")
-    if found[3] != code():
-        raise InputError(f"{file}: of another version of the program; expected a new --out")
+    if other:
+        raise InputError(f"{file}: is of {other}; expected a new --out")
     return True

@@ -188,8 +188,10 @@ def if_interrupted(say: Callable[[], str], *, quiet: bool) -> Iterator[None]:
         raise KeyboardInterrupt(say()) from None
 
 
-def kept_if_interrupted(options: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
-    """Within, an interrupt says what a bench has kept in --out and how it goes on."""
+@contextlib.contextmanager
+def kept_if_interrupted(options: argparse.Namespace) -> Iterator[None]:
+    """Within, an interrupt says what a bench has kept in --out and how it goes on, and no other bench is at that."""
+    from sum_drake.files import alone
 
     def say() -> str:
         rows = options.out / "rows.jsonl"
@@ -198,7 +200,9 @@ def kept_if_interrupted(options: argparse.Namespace) -> contextlib.AbstractConte
         same = "the same command without --force" if options.force else "the same command"
         return f"{rows} keeps what was done: {same} goes on"
 
-    return if_interrupted(say, quiet=options.quiet)
+    options.out.mkdir(parents=True, exist_ok=True)
+    with alone(options.out, "another bench"), if_interrupted(say, quiet=options.quiet):
+        yield
 
 
 def anew_if_interrupted(out: Path | None, *, quiet: bool) -> contextlib.AbstractContextManager[None]:

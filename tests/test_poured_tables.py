@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sum_drake.bench.tables import TABLE_TOP, Onlooker, Table, changed, pour_table
+from sum_drake.bench.poured_tables import TABLE_TOP, Onlooker, Table, changed, pour_table
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.sensor import DepthNoiseConfig
 from sum_drake.support import sunk
