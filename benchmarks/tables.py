@@ -7,17 +7,25 @@ No figure is typed by hand.
 Run it whenever a result is committed; a test fails where it was forgotten.
 """
 
+import functools
 import json
+import string
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from sum_drake.bench import detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
+from sum_drake.bench import ablations, detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
 from sum_drake.bench.aims import Aims, aim, number
-from sum_drake.plots import Series, interval_plot, line_plot
-from sum_drake.reliability import reliability
+from sum_drake.bench.result_plots import (
+    belief_plot,
+    centimetres,
+    gain_plot,
+    lost_plot,
+    plan_plot,
+    pose_plot,
+    rows_of,
+    trials_plot,
+)
 
 HERE = Path(__file__).resolve().parent
 BENCHES: dict[str, tuple[str, Aims]] = {
@@ -35,8 +43,6 @@ BATCHES: dict[str, tuple[str, Aims]] = {
     "batch10": ("Ten poured objects, sorted", {"objects_sorted_share": sort.AIMS["objects_sorted_share_10"]}),
 }
 """What `sum-drake batch` has collected (batch.json), beside the benches."""
-WITHIN_M = np.linspace(0.0025, 0.2, 80)
-"""Distances of the plot of poses, metres."""
 
 
 def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -54,7 +60,10 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         data = results[name]
         lines += [f"## {title}", "", *(f"`sum-drake {line}`\n" for line in _commands(name, data))]
         lines += _plots(results, name)
-        lines += _figures(data, sort.aims_for(_rows(data, "run")) if name == "sort" else aims)
+        lines += BEFORE.get(name, _nothing)(data)
+        if name != "ablations":
+            lines += _figures(data, sort.aims_for(rows_of(data, "run")) if name == "sort" else aims)
+        lines += ["", *_lost(rows_of(data, "loss"), rows_of(data, "error"))]
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
         lines += ["", *(f"{sort.told_of(batch)}\n" for batch in _batches(data))]
         of = f"Commit {data['commit']}. " if data.get("commit") else ""
@@ -63,6 +72,90 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         if name in results:
             lines += _batch(title, aims, results[name], _plots(results, name))
     return "\n".join(lines)
+
+
+def _nothing(data: Mapping[str, Any]) -> list[str]:
+    return []
+
+
+def _sequences(data: Mapping[str, Any]) -> list[str]:
+    """The paper's table, and ours in its rows."""
+    ours = [
+        {
+            "of": f"ours, seed {row['seed']}",
+            "objects": row["objects_total"],
+            "failed": row["manipulation_errors"],
+            "trials": row["manipulation_trials"],
+            "completion": row["objects_sorted"] / row["objects_total"],
+        }
+        for row in rows_of(data, "sequence")
+    ]
+    papers = [
+        {"of": f"the paper's ({'abcdefgh'[i]})", **{name: values[i] for name, values in sort.PAPER.items()}}
+        for i in range(len(sort.PAPER["objects"]))
+    ]
+    lines = ["| sequence | objects | manipulation errors | trials | completion ratio |", "|---|---|---|---|---|"]
+    for rows, whole in ((papers, "the paper's, all"), (ours, "ours, all")):
+        sums = {name: sum(row[name] for row in rows) for name in ("objects", "failed", "trials")}
+        done = sum(row["completion"] * row["objects"] for row in rows) / sums["objects"]
+        for row in (*rows, {"of": whole, **sums, "completion": done}):
+            lines.append(
+                f"| {row['of']} | {row['objects']:.0f} | {row['failed']:.0f} | {row['trials']:.0f} "
+                f"| {number(row['completion'])} |"
+            )
+    return [*lines, ""]
+
+
+def _worth(data: Mapping[str, Any]) -> list[str]:
+    """What each ingredient is worth."""
+    figures = data["figures"]
+
+    def interval(name: str) -> str:
+        values = [figures.get(f"{name}{end}") for end in ("", "_low95", "_high95")]
+        if any(value is None for value in values):
+            return "unknown"
+        value, low, high = (number(float(one)) for one in values)
+        return f"{value} ({low} to {high})"
+
+    lines = [
+        "Gain: of the objects, how many more are sorted than by what a variant is compared with, over pairs of runs of",
+        "the same pour (95 % interval); p: how often signs drawn at random make as large a difference.",
+        "",
+        "| variant | what is changed | objects sorted | compared with | gain | pairs that differ | p | missorted "
+        "| trials an object | CPU s a run |",
+        f"|{'---|' * 10}",
+    ]
+    for name in data["settings"]["variants"]:
+        variant = ablations.VARIANTS[name]
+        columns = ("missorted", "trials_per_object", "cpu_s_per_run_median")
+        rest = " | ".join(_number(figures[f"{name}.{column}"], 3) for column in columns)
+        share = interval(f"{name}.objects_sorted").replace("unknown", _number(figures[f"{name}.objects_sorted_share"]))
+        gain = "| | | |"
+        if name != ablations.DEFAULT:
+            told = (_number(figures[f"{name}.{what}"], 3) for what in ("pairs_that_differ", "gain_p"))
+            gain = f"| {variant.against} | {interval(f'{name}.gain')} | {' | '.join(told)} |"
+        lines.append(f"| `{name}` | {variant.words} | {share} {gain} {rest} |")
+    return [*lines, ""]
+
+
+def _over_limits(data: Mapping[str, Any]) -> list[str]:
+    """Runs in which a joint exceeded something."""
+    kinds = ("position", "speed", "effort")
+    rows = [(row["seed"], (row.get("limits") or {}).get("violations", {})) for row in rows_of(data, "run")]
+    told = [f"| {seed} | {' | '.join(str(of.get(k, 0)) for k in kinds)} |" for seed, of in rows if any(of.values())]
+    return (
+        ["| seed | samples over a limit of position | of speed | of effort |", "|---|---|---|---|", *told, ""]
+        if told
+        else []
+    )
+
+
+BEFORE: dict[str, Callable[[Mapping[str, Any]], list[str]]] = {
+    "sort": _sequences,
+    "faults": _over_limits,
+    "ablations": _worth,
+}
+"""What stands before the figures of a bench."""
 
 
 def _plots(results: Mapping[str, Mapping[str, Any]], name: str) -> list[str]:
@@ -82,11 +175,29 @@ def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:
 def _batch(title: str, aims: Aims, data: Mapping[str, Any], plots: Sequence[str]) -> list[str]:
     """What a batch has come to, and what it lost. plots: lines that show them."""
     lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", "", *plots, *_figures(data, aims), ""]
-    lost = [f"| {loss['seed']} | {loss['label']} | {loss['place']} | {loss['cause']} |" for loss in data["losses"]]
-    failed = [f"| {cause} | {trials} |" for cause, trials in data["errors"].items()]
-    lines += ["| seed | lost | ended | cause |", "|---|---|---|---|", *lost, ""] if lost else []
-    lines += ["| manipulation error | trials |", "|---|---|", *failed, ""] if failed else []
+    lines += _lost(data["losses"], [{"cause": cause, "trials": n} for cause, n in data["errors"].items()])
     return [*lines, sort.told_of(data), "", f"With {_packages(data)}.", ""]
+
+
+def _lost(losses: Sequence[Mapping[str, Any]], errors: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Every object that was lost, and errors by cause; of what is told apart, if anything is, the first column says."""
+    heads = [*dict.fromkeys(head for row in (*losses, *errors) for head in ("variant", "of") if head in row)]
+    lost = _table((*heads, "seed", "label", "place", "cause"), ("lost", "ended"), losses)
+    failed = _table((*heads, "cause", "trials"), ("manipulation error", "trials"), errors)
+    return [*lost, *failed]
+
+
+def _table(keys: Sequence[str], said: tuple[str, str], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Rows under heads, nothing for none. said: what stands for the two that are told differently."""
+    if not rows:
+        return []
+    words = {"label": said[0], "place": said[1]} if "label" in keys else {"cause": said[0], "trials": said[1]}
+    return [
+        f"| {' | '.join(words.get(key, key) for key in keys)} |",
+        f"|{'---|' * len(keys)}",
+        *(f"| {' | '.join(str(row.get(key, '')) for key in keys)} |" for row in rows),
+        "",
+    ]
 
 
 def _packages(data: Mapping[str, Any]) -> str:
@@ -117,69 +228,94 @@ def _number(value: float | None, digits: int = 4) -> str:
     return "unknown" if value is None else number(value, digits)
 
 
-HEADLINES: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
+SORTED = "{objects_sorted_share} ({objects_sorted_low95} to {objects_sorted_high95})"
+HEADLINES: dict[str, tuple[tuple[str, str], ...]] = {
     "batch5": (
-        ("five poured objects: of them sorted; the 95 % interval is from, to",
-         ("objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95")),
-        ("objects in the wrong bin; runs", ("missorted", "runs")),
-        ("trials an object sorted (the paper: 43 for 38)", ("trials_per_object",)),
-        ("CPU seconds a run, median", ("cpu_s_per_run_median",)),
+        ("five poured objects: share sorted (95 % interval)", SORTED),
+        ("pours", "{runs}"),
+        ("objects in the wrong bin", "{missorted}"),
+        ("trials an object sorted (the paper: 43 for 38)", "{trials_per_object}"),
+        ("CPU seconds a run, median", "{cpu_s_per_run_median}"),
+        ("samples over a joint's limits", "{limit_violations}"),
     ),
     "batch10": (
-        ("ten poured objects: of them sorted; the 95 % interval is from, to",
-         ("objects_sorted_share", "objects_sorted_low95", "objects_sorted_high95")),
+        ("ten poured objects: share sorted (95 % interval)", SORTED),
+        ("pours", "{runs}"),
     ),
     "sort": (
-        ("the paper's eight sequences: objects sorted of 40 (the paper: 38), trials (the paper: 43)",
-         ("sequences_objects_sorted", "sequences_trials")),
+        ("the paper's eight sequences: objects sorted, of 40 (the paper: 38)", "{sequences_objects_sorted}"),
+        ("trials in them (the paper: 43)", "{sequences_trials}"),
+    ),
+    "faults": (
+        ("ten runs with seven faults each: share dealt with within two looks", "{dealt_with_within_2}"),
+        ("crashes, hangs, impossible beliefs", "{crashes}, {hangs}, {invalid_beliefs}"),
+        ("samples over a joint's limits", "{limit_violations}"),
     ),
     "detect": (
-        ("detector: mAP@.5; under lights, textures and a shading it never saw", ("map50", "map50_shift")),
-        ("likeliest label right on true boxes; there", ("top1_on_true_boxes", "top1_on_true_boxes_shift")),
+        ("detector: mAP@.5", "{map50}"),
+        ("under lights, textures and a shading it never saw", "{map50_shift}"),
+        ("likeliest label right on true boxes", "{top1_on_true_boxes}"),
+        ("the same, under what it never saw", "{top1_on_true_boxes_shift}"),
     ),
     "pose": (
-        ("poses within 2 cm and 20 degrees: ours, the paper's filter, FPFH with ICP",
-         ("default.within_2cm_20deg", "paper.within_2cm_20deg", "fpfh_icp.within_2cm_20deg")),
-        ("the paper's scenes: how much the curve within 5 cm is above the best baseline's, at least (95 %); measured",
-         ("trials.lead_5cm_low95", "trials.lead_5cm")),
-        ("CPU seconds a pose: the same three",
-         ("default.cpu_s_per_object", "paper.cpu_s_per_object", "fpfh_icp.cpu_s_per_object")),
+        ("poses within 2 cm and 20 degrees", "{default.within_2cm_20deg}"),
+        ("the same by the paper's filter", "{paper.within_2cm_20deg}"),
+        ("the same by FPFH with ICP", "{fpfh_icp.within_2cm_20deg}"),
+        ("the paper's scenes: lead of the area under the curve within 5 cm over the best baseline (95 % interval from)",
+         "{trials.lead_5cm} ({trials.lead_5cm_low95})"),
+        ("CPU seconds a pose", "{default.cpu_s_per_object}"),
+        ("the same by the paper's filter", "{paper.cpu_s_per_object}"),
     ),
     "reject": (
-        ("wrong hypotheses rejected", ("false_rejected",)),
-        ("of the trained detector's alone", ("trained.false_rejected",)),
-        ("objects that some hypothesis has right, kept", ("true_kept",)),
-        ("calibration error of a stated probability", ("calibration_error",)),
-        ("the paper's experiment: false positives rejected (the paper: .84)", ("paper.false_rejected",)),
-        ("found again, or given up, within two looks of what happened to it", ("recovered_within_2",)),
+        ("wrong hypotheses rejected, of two detectors, one of which errs on purpose", "{false_rejected}"),
+        ("of the trained detector's alone", "{trained.false_rejected}"),
+        ("objects that some hypothesis has right, kept", "{true_kept}"),
+        ("calibration error of a stated probability", "{calibration_error}"),
+        ("false positives rejected in the paper's ten scenes and trials (the paper: .84), of a detector that errs on "
+         "purpose", "{paper.false_rejected}"),
+        ("found again, or given up, within two looks of what happened to it", "{recovered_within_2}"),
     ),
     "plan": (
-        ("inverse kinematics: reachable poses solved; median seconds", ("ik_success", "ik_median_s")),
-        ("paths of picks found within 1 CPU s; median seconds", ("plan_success_1s", "plan_median_s")),
-        ("picks with true poses that succeed: of objects alone, from tables of five",
-         ("pick_success_alone", "pick_success_clutter")),
-        ("samples over a joint's limits, in all picks", ("limit_violations",)),
+        ("inverse kinematics: reachable poses solved", "{ik_success}"),
+        ("seconds each, median", "{ik_median_s}"),
+        ("paths of picks found within 1 CPU s", "{plan_success_1s}"),
+        ("seconds each, median", "{plan_median_s}"),
+        ("picks with true poses that succeed: of objects alone", "{pick_success_alone}"),
+        ("the same from tables of five", "{pick_success_clutter}"),
+        ("samples over a joint's limits, in all picks", "{limit_violations}"),
+    ),
+    "speed": (
+        ("a particle in the atlas, times as fast as one rendered alone", "{atlas_speedup}"),
     ),
 }  # fmt: skip
-"""What the project's README tells, by bench: in words, and the figures. The first is beside what is aimed at."""
+"""What the project's README tells, by bench: in words, and the figures, beside what is aimed at."""
 README = HERE.parent / "README.md"
 BEGIN, END = "<!-- results: written by benchmarks/tables.py -->", "<!-- end of results -->"
 
 
 def headlines(results: Mapping[str, Mapping[str, Any]]) -> str:
     """The project's README's table."""
-    lines = ["| measured | value | aim | by |", "|---|---|---|---|"]
+    lines = ["| measured | value | aim | by | at commit |", "|---|---|---|---|---|"]
     aims_of = {name: aims for name, (_, aims) in (BENCHES | BATCHES).items()}
     for bench, rows in HEADLINES.items():
-        figures = results[bench]["figures"] if bench in results else {}
+        data = results.get(bench, {})
+        figures = {name: float("nan") if value is None else value for name, value in data.get("figures", {}).items()}
         made_by = "batch" if bench in BATCHES else bench
-        for words, names in rows:
-            if all(name in figures for name in names):
-                first = figures[names[0]]
-                told = aim(aims_of[bench], names[0], float("nan") if first is None else first)
-                value = ", ".join(_number(figures[name], 3) for name in names)
-                lines.append(f"| {words} | {value} | {told} | `{made_by}` |")
+        for words, template in rows:
+            names = names_in(template)
+            if names <= figures.keys():
+                value = template
+                for name in names:
+                    value = value.replace(f"{{{name}}}", _number(data["figures"][name], 3))
+                told = [aim(aims_of[bench], name, figures[name]) for name in figures if name in names]
+                of = "; ".join(dict.fromkeys(one for one in told if one))
+                lines.append(f"| {words} | {value} | {of} | `{made_by}` | {data.get('commit') or 'not told'} |")
     return "\n".join(lines)
+
+
+def names_in(template: str) -> set[str]:
+    """Figures that a cell tells."""
+    return {name for _, name, _, _ in string.Formatter().parse(template) if name}
 
 
 def readme(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
@@ -188,87 +324,12 @@ def readme(text: str, results: Mapping[str, Mapping[str, Any]]) -> str:
     return f"{before}{BEGIN}\n\n{headlines(results)}\n\n{END}{rest.split(END)[1]}"
 
 
-def _rows(data: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
-    return [row for row in data["rows"] if row["table"] == table]
-
-
-def pose_plot(data: Mapping[str, Any]) -> str:
-    """Share of estimates in right boxes whose distance is less than so much, whatever their angle, by method."""
-    rows = [row for row in _rows(data, "estimate") if not row["wrong_box"] and not row.get("detected", False)]
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    off = {m: np.array([row["translation_m"] for row in rows if row["method"] == m], float) for m in methods}
-    series = [Series(m, 100 * WITHIN_M, [(off[m] <= d).mean() for d in WITHIN_M]) for m in methods]
-    return line_plot(
-        series, title="Poses within a distance", x_label="cm", y_label="share", y_range=(0, 1), size=(640, 340)
-    )  # fmt: skip
-
-
-def trials_plot(data: Mapping[str, Any]) -> str:
-    """The paper's experiment: share of estimates in the detector's boxes within 5 cm and a rotation bound."""
-    rows = [row for row in _rows(data, "estimate") if row.get("detected", False)]
-    degrees, off = pose_figures.DEGREES, {}
-    for row in rows:
-        off.setdefault(row["method"], []).append((row["translation_m"], row["rotation_deg"]))
-    series = [
-        Series(method, degrees, pose_figures.curve_of(*np.array(of, float).T, 0.05, degrees))
-        for method, of in off.items()
-    ]
-    return line_plot(
-        series, title="The paper's scenes: poses within 5 cm", x_label="rotation bound, degrees", y_label="share",
-        x_range=(0, 180), y_range=(0, 1), size=(640, 340),
-    )  # fmt: skip
-
-
-def gain_plot(data: Mapping[str, Any]) -> str:
-    """What is lost without each ingredient: share of the objects sorted more than by default, and its interval."""
-    figures = data["figures"]
-    names = [name.removesuffix(".gain") for name in figures if name.endswith(".gain")]
-    rows = []
-    for name in names:
-        gain = (figures[f"{name}.gain{end}"] for end in ("", "_low95", "_high95"))
-        value, low, high = (float("nan") if one is None else float(one) for one in gain)
-        rows.append((name.replace("_", " "), value, low, high))
-    return interval_plot(rows, title="Objects sorted, against the default", x_label="share of the objects")
-
-
-def belief_plot(data: Mapping[str, Any]) -> str:
-    """How often what was stated came true."""
-    rows = _rows(data, "hypothesis")
-    told = reliability([row["probability"] for row in rows], [row["right"] for row in rows])
-    diagonal = Series("", [0, 1], [0, 1], dashed=True)
-    return line_plot(
-        [diagonal, Series("belief", told.stated, told.observed, dots=True)],
-        title="Stated probability, and how often it came true",
-        x_label="stated", y_label="came true", x_range=(0, 1), y_range=(0, 1),
-    )  # fmt: skip
-
-
-def plan_plot(data: Mapping[str, Any]) -> str:
-    """Share of planning problems that is solved within so many CPU seconds."""
-    seconds = np.geomspace(0.01, 10.0, 80)
-    kinds = {"pick": [row["cpu_s"] if row["solved"] else np.inf for row in _rows(data, "query")]}
-    for row in _rows(data, "problem"):
-        kinds.setdefault(row["kind"], []).append(row["time_s"] if row["solved"] else np.inf)
-    series = [Series(kind, seconds, [(np.array(t) <= s).mean() for s in seconds]) for kind, t in kinds.items()]
-    return line_plot(
-        series, title="Paths found", x_label="CPU s", y_label="share", y_range=(0, 1), log_x=True, size=(640, 340)
-    )  # fmt: skip
-
-
-def lost_plot(*batches: Mapping[str, Any]) -> str:
-    """Objects lost, over objects poured, run after run; by how many were poured at a time."""
-    series = []
-    for batch in batches:
-        asked = batch["settings"]["objects"]
-        poured = np.array([0, *(row.get("objects_total", asked) for row in batch["episodes"])])
-        done = np.array([0, *(row.get("objects_sorted", 0) for row in batch["episodes"])])
-        series.append(Series(f"{asked} at a time", np.cumsum(poured), np.cumsum(poured - done)))
-    return line_plot(series, title="Objects lost", x_label="objects poured", y_label="objects lost")
-
-
 PLOTS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "poses": (("pose",), pose_plot),
-    "trials": (("pose",), trials_plot),
+    **{
+        f"trials_{centimetres(metres)}cm": (("pose",), functools.partial(trials_plot, metres=metres))
+        for metres in pose_figures.PAPER_BOUNDS
+    },
     "belief": (("reject",), belief_plot),
     "paths": (("plan",), plan_plot),
     "sorted": (("batch5", "batch10"), lost_plot),
@@ -280,7 +341,9 @@ PLOTS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
 def drawn(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The plots for which there are results."""
     told = {plot: of[0] for plot, (of, _) in PLOTS.items() if of[0] in results}
-    return [plot for plot, of in told.items() if plot != "trials" or "trials.scenes" in results[of]["figures"]]
+    return [
+        plot for plot, of in told.items() if not plot.startswith("trials") or "trials.scenes" in results[of]["figures"]
+    ]
 
 
 def read_results(folder: Path) -> dict[str, dict[str, Any]]:

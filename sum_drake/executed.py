@@ -38,6 +38,8 @@ class LimitUse(Immutable):
     """(12,): share of the samples in which a drive gave all it has, as fingers that hold something are meant to."""
     violations: tuple[tuple[str, int], ...]
     """Samples in which some joint was beyond a limit, or a drive of the arm at the limit of its effort, by kind."""
+    violated_by: tuple[tuple[str, int], ...]
+    """Joints of which that is true, and of how many samples each."""
 
     def row(self) -> dict[str, Any]:
         """`limits` of summary.json: the most that any joint used; of efforts the arm's, as fingers push with all."""
@@ -48,6 +50,7 @@ class LimitUse(Immutable):
             "acceleration_use": float(self.acceleration.max()),
             "effort_use": float(self.effort[: len(ARM_JOINTS)].max()),
             "violations": dict(self.violations),
+            "violated_by": dict(self.violated_by),
         }
 
     @property
@@ -78,6 +81,7 @@ def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
         "speed": speed > 1.0 + SPEED_SLACK,
         "effort": full[:, : len(ARM_JOINTS)],
     }
+    by_joint = np.pad(beyond["effort"], ((0, 0), (0, n - len(ARM_JOINTS)))) | beyond["position"] | beyond["speed"]
     return LimitUse(
         samples=len(states),
         position=readonly(position.max(0, initial=0.0)),
@@ -86,4 +90,5 @@ def limit_use(states: Array, efforts: Array, step: float) -> LimitUse:
         effort=readonly(effort.max(0, initial=0.0)),
         at_full_effort=readonly(full.sum(0) / max(len(full), 1)),
         violations=tuple((kind, int(beyond[kind].any(1).sum())) for kind in KINDS),
+        violated_by=tuple((joint.name, int(m)) for joint, m in zip(JOINTS, by_joint.sum(0), strict=True) if m),
     )

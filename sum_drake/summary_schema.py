@@ -146,6 +146,7 @@ def validate_summary(data: Any) -> None:
     _check(data.get("faults", []), [_FAULT], "summary.faults")
     if data.get("limits") is not None:
         _check(data["limits"], _LIMITS, "summary.limits")
+        _check(data["limits"].get("violated_by", {}), {str: int}, "summary.limits.violated_by")
     for i, row in enumerate(data["attempts"]):
         believed = row.get("believed")
         _check({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")

@@ -43,7 +43,9 @@ def test_what_is_beyond_a_limit_is_counted_by_kind():
     states[2:4, len(JOINTS) + 6] = 2.5  # wrist flex, 2.268 at most
     efforts[3:, 7] = -JOINTS[7].effort
     efforts[0, 6] = 0.99 * JOINTS[6].effort
-    assert dict(limit_use(states, efforts, 0.004).violations) == {"position": 1, "speed": 2, "effort": 2}
+    use = limit_use(states, efforts, 0.004)
+    assert dict(use.violations) == {"position": 1, "speed": 2, "effort": 2}
+    assert dict(use.violated_by) == {JOINTS[1].name: 1, JOINTS[6].name: 2, JOINTS[7].name: 2}
 
 
 def test_the_row_of_a_summary_tells_the_most_that_any_joint_used():
@@ -53,7 +55,7 @@ def test_the_row_of_a_summary_tells_the_most_that_any_joint_used():
     row = limit_use(states, efforts, 0.004).row()
     assert row["speed_use"] == pytest.approx(0.5)
     assert row["effort_use"] == 0.0, "the fingers push with all they have"
-    assert row["violations"] == dict.fromkeys(KINDS, 0)
+    assert row["violations"] == dict.fromkeys(KINDS, 0) and row["violated_by"] == {}
 
 
 def test_nothing_done_uses_nothing():

@@ -1,0 +1,60 @@
+"""Takes results of benches over into results/, as they are committed: one row a line, to five digits.
+
+    python benchmarks/keep_results.py out/pose out/b60/batch.json=batch5 ...
+
+Of a bench its folder; of a batch its batch.json, and the name that it is to have. Columns that nothing here reads are
+left out: poses of `pose` and features of `reject`. Then `python benchmarks/tables.py`.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+from sum_drake.bench.results import SCHEMA
+from sum_drake.files import write_whole
+
+RESULTS = Path(__file__).resolve().parent / "results"
+LEFT_OUT = {"pose": ("X_WO",), "reject": ("features",)}
+"""Columns, by bench."""
+DIGITS = 5
+
+
+def kept(data: dict[str, Any]) -> str:
+    """The text of a result as it is committed."""
+    without = LEFT_OUT.get(data.get("bench", ""), ())
+    head = {key: value for key, value in data.items() if key not in ("rows", "episodes")}
+    text = json.dumps(head, indent=1)
+    for name in ("rows", "episodes"):
+        if name in data:
+            rows = [_rounded({key: value for key, value in row.items() if key not in without}) for row in data[name]]
+            lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
+            text = f'{text[:-2]},\n "{name}": [\n{lines}\n ]\n}}'
+    return text + "\n"
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    return [_rounded(one) for one in value] if isinstance(value, list) else value
+
+
+def main() -> None:
+    """Writes them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", nargs="+", metavar="FOLDER | FILE=NAME")
+    for text in parser.parse_args().results:
+        source, _, name = text.partition("=")
+        file = Path(source) / "results.json" if Path(source).is_dir() else Path(source)
+        data = json.loads(file.read_text())
+        if not name and data.get("schema") != SCHEMA:
+            parser.error(f"{file}: of no bench; expected one's results, or FILE=NAME")
+        target = RESULTS / f"{name or data['bench']}.json"
+        write_whole(target, kept(data))
+        print(target)
+
+
+if __name__ == "__main__":
+    main()
