@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping
 
+from sum_drake import page
+
 Aims = Mapping[str, tuple[str, float]]
 """Name of a figure -> "at least" or "at most", and a number."""
 
@@ -28,6 +30,16 @@ def number(value: float, digits: int = 3) -> str:
     while float(shown := f"{value:.{digits}g}") == 1.0 != value and digits < 12:
         digits += 1
     return shown
+
+
+def figure_table(found: Mapping[str, float], aims: Aims) -> str:
+    """The figures as a table of a page, with what they are to reach; HTML."""
+    rows = []
+    for name, value in found.items():
+        kind = "plain" if math.isnan(value) else "good" if name in aims and reached(aims, name, value) else "bad"
+        chip = page.chip(aim(aims, name, value), kind) if name in aims else ""
+        rows.append((page.text(name), "" if math.isnan(value) else number(value, 4), chip))
+    return page.table(("figure", "value", "aim"), rows)
 
 
 def format_figures(found: Mapping[str, float], aims: Aims) -> str:

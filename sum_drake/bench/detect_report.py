@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake import page
-from sum_drake.bench.aims import aim, reached
+from sum_drake.bench.aims import figure_table
 from sum_drake.bench.detect_figures import (
     AIMS,
     COUNTS,
@@ -55,7 +55,7 @@ def report_page(
         f"{threshold:.3f}, from the weights.</p>",
         page.tiles([(name.replace("_", " "), f"{found[name]:.3f}") for name in AIMS if name in found]),
         "<h2>Figures</h2>",
-        page.table(("figure", "value", "aim"), [_figure_row(name, value) for name, value in found.items()]),
+        figure_table(found, AIMS),
         "<h2>Plots</h2>",
         f'<div class="plots">{"".join(_plots(images, measured, labels, threshold))}</div>',
         "<h2>By label</h2>",
@@ -75,12 +75,6 @@ _LEGEND = (
     '<p class="legend">Green: right, with its probability. Red: false. Orange, dashed: missed. Grey, dashed: too small '
     "or too hidden to be asked for.</p>"
 )
-
-
-def _figure_row(name: str, value: float) -> tuple[str, str, str]:
-    words = aim(AIMS, name, value)
-    chip = page.chip(words, "good" if reached(AIMS, name, value) else "bad") if words else ""
-    return page.text(name), _share(value), chip
 
 
 def _plots(

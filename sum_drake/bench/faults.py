@@ -13,7 +13,7 @@ from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, Progress, made_by, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses
-from sum_drake.bench.aims import Aims, aim, number
+from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
@@ -118,10 +118,7 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
         "<h1>Runs with faults</h1>",
         "<p>Things slip, are dropped, swept, taken and added; camera and detector fail.</p>",
         page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
-        page.table(
-            ("figure", "value", "aim"),
-            [(page.text(name), number(value, 4), page.text(aim(AIMS, name, value))) for name, value in found.items()],
-        ),
+        figure_table(found, AIMS),
         "<h2>Runs</h2>",
         page.table(
             ("seed", "how it ended", "outcome", "sorted"),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake import page
-from sum_drake.bench.aims import Aims, aim, number, reached
+from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.plots import Series, line_plot
 
 Rows = Sequence[Mapping[str, Any]]
@@ -25,10 +25,7 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         "ask for, paths in and out of shelves and cages and under tables, and picks in simulated physics, of objects "
         "alone and in clutter, whose true poses are told.</p>",
         page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in aims]),
-        page.table(
-            ("figure", "value", "aim"),
-            [(page.text(name), number(value), _chip(aims, name, value)) for name, value in found.items()],
-        ),
+        figure_table(found, aims),
         '<div class="plots">',
         _shares(
             {kind: [q for q in queries if q["kind"] == kind] for kind in sorted({q["kind"] for q in queries})},
@@ -82,10 +79,6 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         _why_not(queries, problems),
     ]
     return page.page("Planning", parts)
-
-
-def _chip(aims: Aims, name: str, value: float) -> str:
-    return page.chip(aim(aims, name, value), "good" if reached(aims, name, value) else "bad") if name in aims else ""
 
 
 def _shares(of: Mapping[str, Rows], seconds: str, title: str, limit: float) -> str:

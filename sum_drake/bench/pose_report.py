@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sum_drake import page
-from sum_drake.bench.aims import aim, reached
+from sum_drake.bench.aims import figure_table
 from sum_drake.bench.pose_figures import AIMS, BOUNDS, PoseRow, stated, within
 from sum_drake.bench.pose_methods import ABOUT
 from sum_drake.bench.pose_scenes import PoseScene
@@ -63,7 +63,7 @@ def report_page(
         ),
         page.table(("method", "what it is"), [(page.text(name), page.text(ABOUT[name])) for name in methods]),
         "<h2>Aims</h2>",
-        page.table(("figure", "value", "aim"), [_aim_row(name, found[name]) for name in told]),
+        figure_table({name: found[name] for name in told}, AIMS),
         "<h3>Within a rotation bound, at four translation bounds</h3>",
         f'<div class="plots">{"".join(paper_plots(rows, methods))}</div>',
         "<h2>By visible share, sensor and object</h2>",
@@ -102,11 +102,6 @@ def _method_row(name: str, found: Mapping[str, float]) -> list[str]:
 def _trust_row(name: str, found: Mapping[str, float]) -> list[str]:
     told = ("mean_probability", "mean_probability_in_wrong_boxes", "calibration_error", "brier", "brier_of_the_mean")
     return [page.text(name), *(_number(found[f"{name}.{one}"]) for one in told)]
-
-
-def _aim_row(name: str, value: float) -> tuple[str, str, str]:
-    chip = page.chip(aim(AIMS, name, value), "good" if reached(AIMS, name, value) else "bad")
-    return page.text(name), _number(value), chip
 
 
 def _reliability_plot(rows: Sequence[PoseRow], methods: Sequence[str]) -> str:

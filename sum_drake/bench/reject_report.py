@@ -6,7 +6,7 @@ import numpy as np
 
 from sum_drake import page
 from sum_drake.action_model import OUTCOMES
-from sum_drake.bench.aims import aim, reached
+from sum_drake.bench.aims import figure_table
 from sum_drake.bench.hypotheses import FirstLook, Judged
 from sum_drake.bench.reject_figures import AIMS, SAYERS, confusion, coverage_risk, recovered, roc, said, stated
 from sum_drake.bench.sequences import FAULTS, Followed, Outcome
@@ -32,7 +32,7 @@ def report_page(
         "estimated with meshes that are off. A hypothesis is right if an object of its label is within 2 cm and "
         "20 degrees of its pose. Rejected is what the belief does not accept.</p>",
         page.tiles([(name.replace("_", " "), _number(found[name])) for name in told]),
-        page.table(("figure", "value", "aim"), [_aim_row(name, value) for name, value in found.items()]),
+        figure_table(found, AIMS),
         "<h2>What tells right from wrong</h2>",
         f'<div class="plots">{_roc_plot(judged)}{_coverage_plot(looks)}</div>',
         "<h2>How far the stated probability can be trusted</h2>",
@@ -65,11 +65,6 @@ def report_page(
             ),
         ]
     return page.page("Is it really there?", parts)
-
-
-def _aim_row(name: str, value: float) -> tuple[str, str, str]:
-    chip = page.chip(aim(AIMS, name, value), "good" if reached(AIMS, name, value) else "bad") if name in AIMS else ""
-    return page.text(name), _number(value), chip
 
 
 def _roc_plot(judged: Sequence[Judged]) -> str:

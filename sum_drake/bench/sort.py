@@ -12,7 +12,7 @@ from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, Progress, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
-from sum_drake.bench.aims import Aims, aim, number
+from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
@@ -172,10 +172,7 @@ def _page(
         ),
         "<h2>Figures</h2>",
         *(f"<p>{page.text(told_of(batch))}</p>" for batch in batches),
-        page.table(
-            ("figure", "value", "aim"),
-            [(page.text(name), number(value, 4), page.text(aim(aims, name, value))) for name, value in found.items()],
-        ),
+        figure_table(found, aims),
         "<h2>Manipulation errors, by cause</h2>",
         _by_cause({kind: errors(of) for kind, of in kinds.items()}),
         "<h2>Objects lost, by cause</h2>",

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sum_drake import page
-from sum_drake.bench.aims import Aims, aim, number, reached
+from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.plots import Series, line_plot
 
 Rows = Sequence[Mapping[str, Any]]
@@ -18,10 +18,7 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
     parts = [
         "<h1>What a pose costs</h1>",
         page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in aims]),
-        page.table(
-            ("figure", "value", "aim"),
-            [(page.text(name), number(value), _chip(aims, name, value)) for name, value in found.items()],
-        ),
+        figure_table(found, aims),
         '<div class="plots">',
         _line(of["particles"], "particles", "particles", "cpu_s", "An object, by particles at the start", "CPU s"),
         _line(
@@ -72,10 +69,6 @@ def report_page(rows: Rows, found: Mapping[str, float], aims: Aims) -> str:
         ),
     ]
     return page.page("Speed", parts)
-
-
-def _chip(aims: Aims, name: str, value: float) -> str:
-    return page.chip(aim(aims, name, value), "good" if reached(aims, name, value) else "bad") if name in aims else ""
 
 
 def _kind(rows: Rows, kind: str) -> Rows:
