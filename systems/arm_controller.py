@@ -6,7 +6,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from sum_drake import reflex
-from sum_drake.drives import within_effort
+from sum_drake.drives import within_limits
 from sum_drake.dynamics import ArmDynamics
 from sum_drake.playback import desired, running_segment
 from sum_drake.reflex import Stop, Strikes
@@ -64,7 +64,7 @@ class ArmController(LeafSystem):
         - motion_status
 
     `desired_state` holds positions, then velocities of `robot.JOINTS`. The joint drives of the plant follow it; it
-    never leads so far that one of the arm's would give all it has, see `drives.within_effort`.
+    never leads so far that one of the arm's would give all it has, or a finger be too fast, see `drives.within_limits`.
     """
 
     def __init__(self, *, period: float = PERIOD, step: float) -> None:
@@ -125,7 +125,7 @@ class ArmController(LeafSystem):
 
     def _calc_desired_state(self, context: Context, output: BasicVector) -> None:
         q, v, gap = self._held(context).at(context.get_time())
-        output.SetFromVector(within_effort(desired_state(q, gap, v=v), self._robot_state.Eval(context), self._step))
+        output.SetFromVector(within_limits(desired_state(q, gap, v=v), self._robot_state.Eval(context), self._step))
 
     def _calc_status(self, context: Context, output: Value[object]) -> None:
         output.set_value(self._held(context).status(context.get_time()))

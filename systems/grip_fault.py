@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
-from sum_drake.robot import FINGERS, HAND, JOINTS
+from sum_drake.drives import within_limits
+from sum_drake.robot import FINGERS, HAND, JOINTS, STATE_JOINTS
 from sum_drake.systems.ports import abstract
 from sum_drake.types import Immutable, MotionStatus
 
@@ -36,17 +37,21 @@ class GripFault(LeafSystem):
         - desired_state
         - motion_status
         - observe
+        - robot_state
         output_ports:
         - faulty_desired_state
 
     Each fault is an observation and the name of a segment, "lift" or "transport": the first of that name after it.
+    Fingers that let go are no faster than others, see `drives.within_limits`; step: the plant's, seconds.
     """
 
-    def __init__(self, *, faults: tuple[tuple[int, str], ...], period: float) -> None:
+    def __init__(self, *, faults: tuple[tuple[int, str], ...], period: float, step: float) -> None:
         super().__init__()
+        self._step = step
         self._desired = self.DeclareVectorInputPort("desired_state", BasicVector(2 * len(JOINTS)))
         self._status = self.DeclareAbstractInputPort("motion_status", abstract())
         self._observe = self.DeclareVectorInputPort("observe", BasicVector(1))
+        self._robot_state = self.DeclareVectorInputPort("robot_state", BasicVector(2 * len(STATE_JOINTS)))
         self._letting = self.DeclareAbstractState(abstract(_Letting(left=tuple(faults))))
         self.DeclareVectorOutputPort("faulty_desired_state", BasicVector(2 * len(JOINTS)), self._calc_desired)
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
@@ -70,4 +75,5 @@ class GripFault(LeafSystem):
         into = context.get_time() - held.since - DELAYS.get(held.segment, 0.0)
         if held.armed and 0.0 <= into < OPEN:
             desired[len(JOINTS) - len(FINGERS) : len(JOINTS)] = HAND.gap_max / 2
+            desired = within_limits(desired, self._robot_state.Eval(context), self._step)
         output.SetFromVector(desired)

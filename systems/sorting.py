@@ -332,10 +332,12 @@ def make_sorting(
     connect(station, "fetch.effort", controller, "effort")
     loose = tuple((f.observation, SEGMENTS[f.kind]) for f in scenario.faults if f.kind in SEGMENTS)
     if loose:
-        grip_fault = builder.AddNamedSystem("grip_fault", GripFault(faults=loose, period=POLL))
+        step = scenario.plant_config.time_step
+        grip_fault = builder.AddNamedSystem("grip_fault", GripFault(faults=loose, period=POLL, step=step))
         connect(*desired, grip_fault)
         connect(controller, "motion_status", grip_fault)
         connect(planner, "observe", grip_fault)
+        connect(station, "fetch.state", grip_fault, "robot_state")
         desired = grip_fault, "faulty_desired_state"
     connect(*desired, station, "fetch.desired_state")
     for what in ("state", "effort"):  # of what was done, for the account of the robot's limits
