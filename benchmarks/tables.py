@@ -26,6 +26,7 @@ from sum_drake.bench.result_plots import (
     rows_of,
     trials_plot,
 )
+from sum_drake.executed import KINDS
 
 HERE = Path(__file__).resolve().parent
 BENCHES: dict[str, tuple[str, Aims]] = {
@@ -140,9 +141,10 @@ def _worth(data: Mapping[str, Any]) -> list[str]:
 
 def _over_limits(data: Mapping[str, Any]) -> list[str]:
     """Runs in which a joint exceeded something."""
-    kinds = ("position", "speed", "effort")
     rows = [(row["seed"], (row.get("limits") or {}).get("violations", {})) for row in rows_of(data, "run")]
-    told = [f"| {seed} | {' | '.join(str(of.get(k, 0)) for k in kinds)} |" for seed, of in rows if any(of.values())]
+    told = [
+        f"| {seed} | {' | '.join(str(of.get(kind, 0)) for kind in KINDS)} |" for seed, of in rows if any(of.values())
+    ]
     return (
         ["| seed | samples over a limit of position | of speed | of effort |", "|---|---|---|---|", *told, ""]
         if told

@@ -68,6 +68,7 @@ def test_variants_are_run_told_and_gone_on_with(tmp_path):
     assert found["no_memory.objects_sorted_share"] == 0.0
     page = (tmp_path / "out" / "report.html").read_text()
     assert "grasps like one that failed are tried again" in page
+    assert ">nan<" not in page, "what cannot be told is left out"
     # A batch may stand for the default: it is not run again.
     again = bench_ablations(
         tmp_path / "other", prepared, Processes(1), variants=("default", "no_memory"),

@@ -55,6 +55,8 @@ def test_results_of_something_else_are_not_taken_for_done(tmp_path, capsys):
     file = tmp_path / "pose" / "results.json"
     assert "of the short form; expected a new --out" in refused(capsys, *out)
     assert "of another version of the program; expected a new --out" in refused(capsys, *out, "--quick")
+    file.write_text(json.dumps({**json.loads(file.read_text()), "settings": {}}))
+    assert "of another version of the program; expected a new --out" in refused(capsys, *out, "--quick"), "an older one"
     file.write_text(json.dumps({**json.loads(file.read_text()), "bench": "plan"}))
     assert "of bench plan" in refused(capsys, *out, "--quick")
     file.write_text("done")

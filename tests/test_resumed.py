@@ -64,6 +64,15 @@ def test_two_are_not_at_one_folder(name, tmp_path, capsys):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_a_bench_refuses_leaves_no_folder_and_takes_none_away(tmp_path, capsys):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    for out in (tmp_path / "out", mine):
+        line = refused(capsys, "bench", "pose", "--quick", "--methods", "luck", "--out", str(out))
+        assert "method 'luck' is unknown" in line
+    assert list(tmp_path.iterdir()) == [mine]
+
+
 def test_a_file_that_is_no_text_is_one_line(tmp_path):
     (tmp_path / "rows.jsonl").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match=r"rows.jsonl: .*expected a row of this bench"):

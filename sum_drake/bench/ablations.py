@@ -185,6 +185,10 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         share, low, high = (found[f"{name}.objects_sorted_{end}"] for end in ("share", "low95", "high95"))
         return "" if share != share else f"{share:.3f} ({low:.3f} to {high:.3f})"
 
+    def told(figure: str) -> str:
+        value = found.get(figure, float("nan"))
+        return "" if value != value else number(value)
+
     counted = ("pairs_that_differ", "gain_p", "missorted", "trials_per_object", "cpu_s_per_run_median")
     table = [
         (
@@ -194,7 +198,7 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
             sorted_interval(name),
             "" if name == DEFAULT else page.text(VARIANTS[name].against),
             interval(name, "gain", "+"),
-            *(number(found.get(f"{name}.{figure}", float("nan"))) for figure in counted),
+            *(told(f"{name}.{figure}") for figure in counted),
         )
         for name, of in rows.items()
     ]

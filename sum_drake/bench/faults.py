@@ -15,7 +15,9 @@ from sum_drake.batch import Executor, Progress, made_by, read_episodes, run_batc
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses
 from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.bench.results import write_results
+from sum_drake.bench.sort import by_cause
 from sum_drake.episodes import EpisodeSpec
+from sum_drake.executed import KINDS
 from sum_drake.files import write_whole
 from sum_drake.runlog_reader import read_what_there_is
 from sum_drake.types import SceneBelief
@@ -148,26 +150,17 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
             ],
         ),
         "<h2>Objects lost, by cause</h2>",
-        _by_cause("objects", causes(runs)),
+        by_cause({"objects": causes(runs)}),
         "<h2>Manipulation errors, by cause</h2>",
-        _by_cause("trials", errors(runs)),
+        by_cause({"trials": errors(runs)}),
         "<h2>Samples over a joint's limits</h2>",
         page.table(
-            ("seed", *LIMITS),
+            ("seed", *KINDS),
             [
-                (str(row["seed"]), *(str(row["limits"]["violations"].get(kind, 0)) for kind in LIMITS))
+                (str(row["seed"]), *(str(row["limits"]["violations"].get(kind, 0)) for kind in KINDS))
                 for row in runs
                 if row.get("limits") and any(row["limits"]["violations"].values())
             ],
         ),
     ]
     return page.page("Runs with faults", parts)
-
-
-LIMITS = ("position", "speed", "effort")
-"""What a joint may exceed: `limits.violations` of a summary."""
-
-
-def _by_cause(what: str, counts: Mapping[str, int]) -> str:
-    rows = [(page.text(cause), str(number)) for cause, number in counts.items()]
-    return page.table(("cause", what), rows) if rows else "<p>None.</p>"

@@ -174,16 +174,16 @@ def _page(
         *(f"<p>{page.text(told_of(batch))}</p>" for batch in batches),
         figure_table(found, aims),
         "<h2>Manipulation errors, by cause</h2>",
-        _by_cause({kind: errors(of) for kind, of in kinds.items()}),
+        by_cause({kind: errors(of) for kind, of in kinds.items()}),
         "<h2>Objects lost, by cause</h2>",
-        _by_cause({kind: causes(of) for kind, of in kinds.items()}),
+        by_cause({kind: causes(of) for kind, of in kinds.items()}),
         *(["<h2>Every one of them</h2>", page.table(("of", "seed", "object", "ended", "cause"), lost)] if lost else []),
     ]
     return page.page("Sequential sorting", parts)
 
 
-def _by_cause(counts: Mapping[str, Mapping[str, int]]) -> str:
-    """counts: by kind of runs, how many of each cause."""
+def by_cause(counts: Mapping[str, Mapping[str, int]]) -> str:
+    """A table; HTML. counts: by what stands over a column, how many of each cause."""
     names = list(dict.fromkeys(cause for of in counts.values() for cause in of))
     rows = [(page.text(name), *(str(of.get(name, 0)) for of in counts.values())) for name in names]
     return page.table(("cause", *counts), rows) if rows else "<p>None.</p>"

@@ -200,9 +200,14 @@ def kept_if_interrupted(options: argparse.Namespace) -> Iterator[None]:
         same = "the same command without --force" if options.force else "the same command"
         return f"{rows} keeps what was done: {same} goes on"
 
+    new = not options.out.exists()
     options.out.mkdir(parents=True, exist_ok=True)
-    with alone(options.out, "another bench"), if_interrupted(say, quiet=options.quiet):
-        yield
+    try:
+        with alone(options.out, "another bench"), if_interrupted(say, quiet=options.quiet):
+            yield
+    finally:
+        if new and not any(options.out.iterdir()):  # what the bench itself has refused
+            options.out.rmdir()
 
 
 def anew_if_interrupted(out: Path | None, *, quiet: bool) -> contextlib.AbstractContextManager[None]:
