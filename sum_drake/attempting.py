@@ -12,7 +12,7 @@ from sum_drake.grasp_ranking import RankedGrasps, rank_grasps
 from sum_drake.grasping import GraspConfig, grasp_candidates
 from sum_drake.hidden import hidden_between
 from sum_drake.kinematics import Arm
-from sum_drake.lifting import dragged
+from sum_drake.lifting import Dragged, dragged
 from sum_drake.making_way import been, failed, worn_out
 from sum_drake.objects import Catalogue
 from sum_drake.pick_config import PickConfig
@@ -127,8 +127,9 @@ class Attempting:
                 ],
             )
 
-        def drag() -> tuple[tuple[str, float], ...]:
-            return dragged(model, track.X_WO, [(self._catalogue[t.label], t.X_WO) for t in others])
+        def drag() -> tuple[Dragged, ...]:
+            neighbours = [(self._catalogue[t.label], t.X_WO) for t in others]
+            return dragged(model, track.X_WO, neighbours, self._regions["table"])
 
         return Prospect(track, around_W, rank, drag)
 

@@ -1,5 +1,6 @@
 """What lifting an object straight up does to its neighbours."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,7 +9,7 @@ from scipy.ndimage import binary_closing, distance_transform_edt, minimum_filter
 from sum_drake.geometry import apply
 from sum_drake.objects import ObjectModel
 from sum_drake.resting import outside, stands
-from sum_drake.types import Array
+from sum_drake.types import Array, Region
 
 CELL = 0.005
 """Of the grid on which an object is seen from above, metres."""
@@ -18,6 +19,22 @@ UNDER = 0.01
 """A neighbour that reaches this far over an object lies on it: by less it may only seem to."""
 TOUCHES, LEANS = 0.8, 0.3
 """Probability that a neighbour stays where it is when an object is lifted beside it, or that it leans or lies on."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Dragged:
+    """A neighbour that lifting an object may move."""
+
+    label: str
+    stays: float
+    """About the probability that it stays where it is."""
+    falls: float = 0.0
+    """And that it falls off the table if it does not."""
+
+    @property
+    def kept(self) -> float:
+        """About the probability that it is on the table afterwards."""
+        return 1.0 - (1.0 - self.stays) * self.falls
 
 
 def overlap(model: ObjectModel, X_WO: Array, points_W: Array) -> float:
@@ -56,9 +73,21 @@ def stays(model: ObjectModel, X_WO: Array, neighbour: ObjectModel, X_WN: Array) 
     return float(np.interp(-reach, [UNDER, BESIDE], [TOUCHES, 1.0]))
 
 
+def falls(model: ObjectModel, X_WO: Array, table: Region) -> float:
+    """About the probability that an object at X_WO (4, 4) falls off the table if it topples or rolls.
+
+    By hand: 1 at an edge, 0 where every edge is farther off than the object is long.
+    """
+    inside = float((table.half_extents[:2] - np.abs(X_WO[:2, 3] - table.p_W[:2])).min())
+    return float(np.clip(1.0 - inside / max(model.dimensions), 0.0, 1.0))
+
+
 def dragged(
-    model: ObjectModel, X_WO: Array, neighbours: Sequence[tuple[ObjectModel, Array]]
-) -> tuple[tuple[str, float], ...]:
-    """Label and `stays` of each neighbour that lifting the object may move, the likeliest to be moved first."""
-    found = [(neighbour.label, stays(model, X_WO, neighbour, X_WN)) for neighbour, X_WN in neighbours]
-    return tuple(sorted((pair for pair in found if pair[1] < 1.0), key=lambda pair: pair[1]))
+    model: ObjectModel, X_WO: Array, neighbours: Sequence[tuple[ObjectModel, Array]], table: Region
+) -> tuple[Dragged, ...]:
+    """The neighbours that lifting the object may move, the likeliest to be moved first."""
+    found = [
+        Dragged(neighbour.label, stays(model, X_WO, neighbour, X_WN), falls(neighbour, X_WN, table))
+        for neighbour, X_WN in neighbours
+    ]
+    return tuple(sorted((one for one in found if one.stays < 1.0), key=lambda one: one.stays))

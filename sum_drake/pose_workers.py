@@ -65,12 +65,12 @@ class PoseWorkers:
 
     def close(self) -> None:
         """Ends the processes; what they are at, after an error or an interrupt here, is lost, and not waited for."""
-        at_work = any(not future.done() for future in self._asked)
-        if at_work:
+        if any(not future.done() for future in self._asked):
             for process in self._processes:
                 process.terminate()
         for pool in self._pools:
-            pool.shutdown(wait=at_work, cancel_futures=True)
+            # A pool that still winds up as the interpreter ends may be woken by a pipe that it has just closed.
+            pool.shutdown(cancel_futures=True)
 
     def warm_all(self, labels: Sequence[str]) -> None:
         """Makes ready for labels, shared out among the processes."""

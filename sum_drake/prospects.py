@@ -7,10 +7,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from sum_drake.grasp_ranking import RankedGrasps
+from sum_drake.lifting import Dragged
 from sum_drake.types import Array, Immutable, Track
 
 GRASPS = 10
 """An object with fewer grasps than this promises less: the arm may not be able to do any of them."""
+RISKED = 0.2
+"""From this probability on that a neighbour falls off the table, all others are tried before."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -21,7 +24,7 @@ class Prospect(Immutable):
     obstacles_W: Array
     """(m, 3): depth points that are not of it, and where more of what they show may be hidden."""
     rank: Callable[[], RankedGrasps]
-    drag: Callable[[], Sequence[tuple[str, float]]]
+    drag: Callable[[], Sequence[Dragged]]
     """`lifting.dragged`."""
 
     @functools.cached_property
@@ -30,8 +33,8 @@ class Prospect(Immutable):
         return self.rank()
 
     @functools.cached_property
-    def dragged(self) -> tuple[tuple[str, float], ...]:
-        """Neighbours that lifting it may move, and how likely each stays where it is."""
+    def dragged(self) -> tuple[Dragged, ...]:
+        """Neighbours that lifting it may move."""
         return tuple(self.drag())
 
     @property
@@ -42,7 +45,14 @@ class Prospect(Immutable):
     @property
     def stay(self) -> float:
         """About the probability that all of its neighbours stay where they are."""
-        return float(np.prod([share for _, share in self.dragged]))
+        return float(np.prod([one.stays for one in self.dragged]))
+
+    @property
+    def endangered(self) -> tuple[str, ...]:
+        """Labels of neighbours that may fall off the table, where that is likely enough for it to be taken last."""
+        if np.prod([one.kept for one in self.dragged]) > 1.0 - RISKED:
+            return ()
+        return tuple(one.label for one in self.dragged if one.kept < 1.0)
 
 
 def most_likely(prospect: Prospect) -> float:
@@ -70,5 +80,5 @@ def why(policy: str, prospect: Prospect) -> str:
         )
     stay = f"{prospect.stay:.2f} that neighbours stay"
     if prospect.dragged:
-        stay += f" ({', '.join(label for label, _ in prospect.dragged)})"
+        stay += f" ({', '.join(one.label for one in prospect.dragged)})"
     return f"{value} = {track.probability:.2f} that it is there x {prospect.hold:.2f} that grasps hold x {stay}"

@@ -1,8 +1,9 @@
 """What to do next: the sorting task over the belief, as data about goals and regions.
 
-Accepted objects are tried in the order of a policy, until a motion is found for one. Where there is none for any, an
-object that is in the way is moved to a free place on the table, or one that cannot be brought to its place as it is
-held is set down elsewhere to be grasped anew. Every object that is not attempted is told with what its grasps met.
+Accepted objects are tried in the order of a policy, until a motion is found for one; those last whose neighbours lean
+on them so near to an edge that they might fall off the table. Where there is none for any, an object that is in the way
+is moved to a free place on the table, or one that cannot be brought to its place as it is held is set down elsewhere to
+be grasped anew. Every object that is not attempted is told with what its grasps met.
 """
 
 import dataclasses
@@ -119,7 +120,7 @@ class SortingTask:
         policy = self._config.policy
         prospects = sorted(
             (self._attempting.prospect(now, track) for track in wanted),
-            key=lambda prospect: (-POLICIES[policy](prospect), prospect.track.id),
+            key=lambda prospect: (bool(prospect.endangered), -POLICIES[policy](prospect), prospect.track.id),
         )
         refused: list[Attempt] = []
         stuck: list[tuple[Prospect, Attempt | None]] = []
@@ -131,6 +132,7 @@ class SortingTask:
             plan = self._attempting.plan(now, prospect, region)
             if isinstance(plan, PickPlan):
                 words = why(policy, prospect) + _in_the_way_of(prospect.track, refused, now.believed)
+                words += _not_yet(policy, prospect, prospects)
                 return Pick(plan, prospect.track, region, (), "pick_place", words)
             refused.append(plan)
             stuck.append((prospect, plan))
@@ -207,7 +209,7 @@ class SortingTask:
         met = [
             (t, f"in the way of {count} grasps at {track.label}") for t, count in blockers(track, now.believed, counts)
         ]
-        on_it = [nearest(label, track, now.believed) for label, share in prospect.dragged if share <= LEANS]
+        on_it = [nearest(one.label, track, now.believed) for one in prospect.dragged if one.stays <= LEANS]
         leaning = {t.id: f"lies or leans on {track.label}" for t in on_it}
         # What leans on it first; of both, both is told.
         found += [(t, ", ".join([leaning[t.id], *(words for o, words in met if o.id == t.id)])) for t in on_it]
@@ -224,6 +226,14 @@ class SortingTask:
         own = self._attempting.goal_of(track.label)
         table = self._regions["table"]
         return own if own != LEAVE and is_area(self._regions[own], table) and self._is_in_place(track) else "table"
+
+
+def _not_yet(policy: str, chosen: Prospect, prospects: Sequence[Prospect]) -> str:
+    """Which objects the policy holds more of, and why they wait, in words; "" where there are none."""
+    value = POLICIES[policy]
+    waiting = [] if chosen.endangered else [p for p in prospects if p.endangered and value(p) > value(chosen)]
+    said = [f"{p.track.label} waits, as {' and '.join(p.endangered)} might fall off the table" for p in waiting]
+    return "".join(f"; {words}" for words in said)
 
 
 def _in_the_way_of(track: Track, refused: Sequence[Attempt], believed: Sequence[Track]) -> str:

@@ -1,7 +1,7 @@
 """Pours objects onto the table: a small simulation of its own, whose settled poses start the station.
 
 Objects fall one after another, turned at random, between four walls that nobody sees. Once they lie still the walls
-go, what leaned on them slumps, and once all is still again the poses are taken.
+go, what leaned on them slumps, and once all is at rest the poses are taken: what stands on an edge is slow at first.
 """
 
 import dataclasses
@@ -28,6 +28,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from sum_drake.assets import InputError, one_line
+from sum_drake.geometry import rotation_angle
 from sum_drake.objects import Catalogue, ObjectModel
 from sum_drake.parsing import make_parser
 from sum_drake.types import Array, readonly
@@ -58,15 +59,22 @@ class PouringConfig:
     settled_rate: float = 0.15
     """Turning rate below which an object is still, rad/s."""
     settled_time: float = 0.3
-    """How long all objects must be still."""
+    """How long all objects must be still at each stage."""
     timeout: float = 6.0
-    """Simulated time after which a pour that does not settle is given up."""
+    """Simulated time after which a stage that does not settle is given up."""
+    rest_time: float = 2.0
+    """How long all objects must be at rest at the end: in this time"""
+    rest_moved: float = 0.0005
+    """no origin may have moved by more than this, metres,"""
+    rest_turned: float = 0.01
+    """and no object turned by more, radians."""
     reach_x: list[float] = dataclasses.field(default_factory=lambda: [0.45, 0.76])
     """World x between which every object's origin must come to rest."""
     reach_y: list[float] = dataclasses.field(default_factory=lambda: [-0.34, 0.34])
     """The same along y; farther out an object leaves the camera's view."""
     returns: int = 8
-    """How often what fell off the table, came to rest out of reach or is pressed into another is dropped again."""
+    """How often what fell off the table, came to rest out of reach or is pressed into another is dropped again, or what
+    is not yet at rest is waited for."""
     return_height: float = 0.03
     """Height of a returned object's lowest possible point over what is below it."""
     penetration_max: float = 0.002
@@ -186,6 +194,14 @@ class _Pour:
                 _advance(simulator, self._config.interval)
             if astray:
                 self._settle(simulator, plant_context, "after what went astray was put back")
+            elif moving := self._moving(simulator, plant_context):
+                self._settle(simulator, plant_context, f"after {moving}")
+            else:
+                break
+        else:
+            self._check(context, plant_context)
+            if moving := self._moving(simulator, plant_context):
+                raise _Rejected(moving)
         self._check(context, plant_context)
         return {
             model.label: readonly(self._pose(plant_context, instance).GetAsMatrix4())
@@ -255,6 +271,19 @@ class _Pour:
                 if self._pose(context, instance).translation()[2] < self._top:
                     self._park(context, i)
             still = 0.0 if moving else still + step
+
+    def _moving(self, simulator: Simulator, context: Context) -> str:
+        """Simulates on for as long as all must be at rest; which objects were not, in words, "" where all were."""
+        config = self._config
+        before = [self._pose(context, instance) for instance in self._instances]
+        _advance(simulator, config.rest_time)
+        moving = []
+        for model, instance, X_WB in zip(self._objects, self._instances, before, strict=True):
+            X_BO = X_WB.InvertAndCompose(self._pose(context, instance))
+            moved, turned = np.linalg.norm(X_BO.translation()), rotation_angle(X_BO.rotation().matrix())
+            if not (moved <= config.rest_moved and turned <= config.rest_turned):
+                moving.append(model.label)
+        return f"{', '.join(moving)} went on moving" if moving else ""
 
     def _check(self, root: Context, context: Context) -> None:
         """Nothing out of reach, nothing inside anything else."""

@@ -7,14 +7,15 @@ from hypothesis import strategies as st
 from scenes import TABLE, standing
 
 from sum_drake.geometry import apply, rotation_from_vector, transform
-from sum_drake.lifting import BESIDE, LEANS, TOUCHES, dragged, overlap, stays
+from sum_drake.lifting import BESIDE, LEANS, TOUCHES, Dragged, dragged, falls, overlap, stays
 from sum_drake.objects import load_catalogue
 from sum_drake.resting import outside
-from sum_drake.types import Array
+from sum_drake.types import Array, Region, readonly
 
 CATALOGUE = load_catalogue()
 SUGAR, CAN = CATALOGUE["sugar"], CATALOGUE["soup_can"]  # .038 x .089 x .175, and .066 wide
 X_WS = standing(CATALOGUE, "sugar", 0.6, 0.0)
+ON_TABLE = Region("table", readonly([0.72, 0.0, 0.95]), readonly([0.30, 0.45, 0.25]))
 TOUCHING = 0.089 / 2 + 0.066 / 2
 
 
@@ -69,6 +70,17 @@ def test_neighbours_are_told_worst_first() -> None:
     beside, on_top = can(TOUCHING + 0.002), standing(CATALOGUE, "tea", 0.6, 0.0)
     on_top[2, 3] += SUGAR.dimensions[2]
     away = standing(CATALOGUE, "mug", 0.6, -0.3)
-    found = dragged(SUGAR, X_WS, [(CAN, beside), (CATALOGUE["mug"], away), (CATALOGUE["tea"], on_top)])
-    assert [label for label, _ in found] == ["tea", "soup_can"]
-    assert dragged(SUGAR, X_WS, []) == ()
+    found = dragged(SUGAR, X_WS, [(CAN, beside), (CATALOGUE["mug"], away), (CATALOGUE["tea"], on_top)], ON_TABLE)
+    assert [one.label for one in found] == ["tea", "soup_can"]
+    assert dragged(SUGAR, X_WS, [], ON_TABLE) == ()
+
+
+def test_the_nearer_to_an_edge_and_the_longer_the_likelier_it_falls_off() -> None:
+    middle = transform(np.eye(3), np.array([0.72, 0.0, 0.75]))
+    assert falls(CAN, middle, ON_TABLE) == falls(SUGAR, middle, ON_TABLE) == 0.0
+    near = transform(np.eye(3), np.array([0.72, 0.45 - 0.05, 0.75]))
+    assert 0.0 < falls(CAN, near, ON_TABLE) < falls(SUGAR, near, ON_TABLE) < 1.0
+    beyond = transform(np.eye(3), np.array([0.40, 0.0, 0.75]))
+    assert falls(CAN, beyond, ON_TABLE) == 1.0
+    assert Dragged("tea", stays=0.3, falls=0.5).kept == pytest.approx(0.65)
+    assert Dragged("tea", stays=0.3).kept == Dragged("tea", stays=1.0, falls=1.0).kept == 1.0

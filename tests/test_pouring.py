@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, DiagramBuilder
 from sum_drake.assets import MODELS, InputError
 from sum_drake.objects import load_catalogue
 from sum_drake.parsing import make_parser
+from sum_drake.seeds import derive
 from sum_drake.systems import pouring
 from sum_drake.systems.pouring import PouringConfig, draw_labels, pour
 from sum_drake.types import Array
@@ -22,7 +23,9 @@ PLANT = MultibodyPlantConfig(
     time_step=0.004, contact_model="hydroelastic_with_fallback", discrete_contact_approximation="sap"
 )
 TOP = 0.70
-SCENES = [(5, 6), (10, 0)]
+TOPPLING = derive(1238, "pouring")
+"""Of a pour in which something stood on an edge, slower than what counts as moving, and fell two seconds later."""
+SCENES = [(5, 6), (10, 0), (5, TOPPLING)]
 
 
 def pour_labels(labels: tuple[str, ...], seed: int, config: PouringConfig | None = None) -> dict[str, Array]:
@@ -55,7 +58,7 @@ def test_all_lie_on_the_table_within_reach(poured: dict[str, Array]) -> None:
 
 
 def test_nothing_overlaps_and_nothing_moves_when_the_station_takes_over(poured: dict[str, Array]) -> None:
-    """In a fresh plant with the table in place the poses overlap by at most 2 mm and hold for .5 s."""
+    """In a fresh plant with the table in place the poses overlap by at most 2 mm and hold for 4 s."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlant(PLANT, builder)
     parser = make_parser(plant)
@@ -72,10 +75,10 @@ def test_nothing_overlaps_and_nothing_moves_when_the_station_takes_over(poured: 
     query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(simulator.get_context()))
     overlaps = [pair.depth for pair in query.ComputePointPairPenetration()]
     assert max(overlaps) <= 0.0021
-    simulator.AdvanceTo(0.5)
+    simulator.AdvanceTo(4.0)
     for label, instance in instances.items():
         moved = plant.GetPositions(context, instance)[4:] - poured[label][:3, 3]
-        assert np.linalg.norm(moved) < 0.005, label
+        assert np.linalg.norm(moved) < 0.001, label
 
 
 def _positions(X_WO: Array) -> Array:

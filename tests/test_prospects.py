@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sum_drake.grasp_ranking import RankedGrasps
+from sum_drake.lifting import Dragged
 from sum_drake.prospects import GRASPS, POLICIES, Prospect, most_likely, surest, why
 from sum_drake.types import PoseBelief, Track, readonly
 
@@ -40,13 +41,22 @@ def test_the_surest_is_there_can_be_held_and_drags_nothing():
     assert surest(prospect(probability=0.9)) > surest(prospect())
     assert surest(prospect((0.5,) * GRASPS)) == pytest.approx(0.35)
     assert surest(prospect((1.0,) * (GRASPS // 2))) == pytest.approx(0.35), "half as many to choose from"
-    assert surest(prospect(dragged=(("tide", 0.3), ("tea", 0.8)))) == pytest.approx(0.7 * 0.24)
+    assert surest(prospect(dragged=(Dragged("tide", 0.3), Dragged("tea", 0.8)))) == pytest.approx(0.7 * 0.24)
     assert surest(prospect(())) == 0.0
     assert 0.0 <= surest(prospect((0.9,) * 80)) <= 1.0
 
 
+def test_what_may_fall_off_the_table_is_told_where_that_is_likely():
+    near, middle = Dragged("tide", 0.3, falls=0.5), Dragged("tea", 0.3)
+    assert prospect(dragged=(near, middle)).endangered == ("tide",)
+    assert prospect(dragged=(middle,)).endangered == prospect().endangered == ()
+    barely = [Dragged(label, 0.8, falls=0.5) for label in ("tide", "tea", "toy")]
+    assert prospect(dragged=barely[:1]).endangered == ()
+    assert prospect(dragged=barely).endangered == ("tide", "tea", "toy"), "one of them"
+
+
 def test_a_choice_is_explained_by_its_factors():
-    said = why("surest", prospect(dragged=(("tide", 0.3),)))
+    said = why("surest", prospect(dragged=(Dragged("tide", 0.3),)))
     assert said == "surest 0.21 = 0.70 that it is there x 1.00 that grasps hold x 0.30 that neighbours stay (tide)"
     assert why("most_likely", prospect()) == "most_likely 0.36 = 0.90 a box x 0.80 of this label x 0.50 likelihood"
     assert set(POLICIES) == {"surest", "most_likely"}

@@ -130,6 +130,30 @@ def test_the_likeliest_object_of_eq_3_comes_first():
     assert [refused.label for refused in look.refused] == ["sugar", "mug", "toy"]
 
 
+@pytest.mark.parametrize(
+    ("x", "order"), [(0.47, ["mug", "tea", "sugar"]), (0.72, ["sugar", "mug", "tea"])], ids=["edge", "middle"]
+)
+def test_what_might_fall_off_the_table_goes_before_what_it_lies_on(x, order):
+    """Tea lies on the sugar: with both at an edge the sugar waits, however likely it is, and in the middle it does not.
+
+    That is, it is tried last: tired of all three, the order shows in what is refused.
+    """
+    on_it = standing(CATALOGUE, "tea", x, 0.2)
+    on_it[2, 3] += CATALOGUE["sugar"].dimensions[2]
+    tracks = [
+        believe("sugar", standing(CATALOGUE, "sugar", x, 0.2), 0, likelihood=0.9),
+        believe("tea", on_it, 1, likelihood=0.4),
+        believe("mug", standing(CATALOGUE, "mug", 0.6, -0.2), 2, likelihood=0.5),
+    ]
+    tired = [tried(track.label, released=False) for track in tracks for _ in range(CONFIG.max_attempts)]
+    look = make_task(config=MOST_LIKELY).decide(see({}, tracks), tired, 0, VIEW)
+    assert [refused.label for refused in look.refused] == order
+    mug = make_task(config=MOST_LIKELY).decide(see({}, tracks), tired[: 2 * CONFIG.max_attempts], 0, VIEW)
+    assert isinstance(mug, Pick)
+    assert mug.track.label == "mug"
+    assert ("; sugar waits, as tea might fall off the table" in mug.why) == (x < 0.5)
+
+
 @pytest.mark.parametrize("goal", [{**GOAL, "soup_can": "leave"}, {"cleaning": "cleaning_bin"}], ids=["leave", "none"])
 def test_what_is_to_be_left_alone_stays_and_the_rest_of_the_table_is_clear(can_seen, goal):
     choice = make_task(goal=goal).decide(can_seen, (), 0, VIEW)

@@ -35,8 +35,6 @@ from sum_drake.types import Array, Attempt, Box, Motion, PoseBelief, Track, read
 
 MOVED = 0.03
 """An object that moves by more than this in the hand has left it, metres."""
-AT_REST = 2.0
-"""So long has everything been still, seconds: what stands on an edge may topple after less, and was not touched."""
 OBSTACLE_POINTS = 3000
 """Points on the surfaces of what the hand must not touch."""
 
@@ -83,7 +81,7 @@ def measure_pick(setting: str, seed: int, label: str) -> Picked:
         objects=[catalogue[each] for each in labels],
         directives=flat_directives(scenario.directives),
         plant_config=scenario.plant_config,
-        config=dataclasses.replace(scenario.pouring, settled_time=AT_REST, timeout=5 * AT_REST),
+        config=scenario.pouring,
         seed=seed,
     )
     order = [labels[i] for i in rng.permutation(len(labels))]
