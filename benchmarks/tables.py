@@ -37,6 +37,7 @@ BENCHES: dict[str, tuple[str, Aims]] = {
     "sort": ("Sequential sorting", sort.AIMS),
     "faults": ("Runs with faults", faults.AIMS),
     "ablations": ("What each ingredient of the whole system is worth, on the same pours", {}),
+    "fault_ablations": ("The same, where things go wrong", {}),
     "speed": ("What an object's pose costs", speed.AIMS),
 }
 BATCHES: dict[str, tuple[str, Aims]] = {
@@ -62,7 +63,7 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
         lines += [f"## {title}", "", *(f"`sum-drake {line}`\n" for line in _commands(name, data))]
         lines += _plots(results, name)
         lines += BEFORE.get(name, _nothing)(data)
-        if name != "ablations":
+        if data["bench"] != "ablations":
             lines += _figures(data, sort.aims_for(rows_of(data, "run")) if name == "sort" else aims)
         lines += ["", *_lost(rows_of(data, "loss"), rows_of(data, "error"))]
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
@@ -118,6 +119,7 @@ def _worth(data: Mapping[str, Any]) -> list[str]:
         value, low, high = (number(float(one)) for one in values)
         return f"{value} ({low} to {high})"
 
+    columns: tuple[str, ...] = ("missorted", "trials_per_object", "cpu_s_per_run_median")
     lines = [
         "Gain: of the objects, how many more are sorted than by what a variant is compared with, over pairs of runs of",
         "the same pour (95 % interval); p: how often signs drawn at random make as large a difference.",
@@ -126,12 +128,15 @@ def _worth(data: Mapping[str, Any]) -> list[str]:
         "| trials an object | CPU s a run |",
         f"|{'---|' * 10}",
     ]
+    if ablations.WITHIN_2 in {name.split(".")[1] for name in figures}:
+        lines[-2] += " faults dealt with within two looks |"
+        lines[-1] += "---|"
+        columns = (*columns, ablations.WITHIN_2)
     for name in data["settings"]["variants"]:
         variant = ablations.VARIANTS[name]
-        columns = ("missorted", "trials_per_object", "cpu_s_per_run_median")
         rest = " | ".join(_number(figures[f"{name}.{column}"], 3) for column in columns)
         share = interval(f"{name}.objects_sorted").replace("unknown", _number(figures[f"{name}.objects_sorted_share"]))
-        gain = "| | | |"
+        gain = "| | | | |"
         if name != ablations.DEFAULT:
             told = (_number(figures[f"{name}.{what}"], 3) for what in ("pairs_that_differ", "gain_p"))
             gain = f"| {variant.against} | {interval(f'{name}.gain')} | {' | '.join(told)} |"
@@ -156,6 +161,7 @@ BEFORE: dict[str, Callable[[Mapping[str, Any]], list[str]]] = {
     "sort": _sequences,
     "faults": _over_limits,
     "ablations": _worth,
+    "fault_ablations": _worth,
 }
 """What stands before the figures of a bench."""
 
@@ -219,11 +225,14 @@ def _batches(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def _commands(name: str, data: Mapping[str, Any]) -> list[str]:
     """That make a result."""
-    lines, more = [], ""
-    for batch in data["settings"].get("batches", ()):
+    settings, lines, more = data["settings"], [], ""
+    for batch in settings.get("batches", ()):
         lines.append(_batch_command(batch))
         more += f" --batch out/b{batch['settings']['objects']}"
-    return [*lines, f"bench {name} --out out/{name}{more}"]
+    if name == "fault_ablations":
+        more = f" --faults --seed {data['seeds']['first']} --runs {data['figures']['default.runs']:.0f}"
+        more += f" --variants {' '.join(settings['variants'])}"
+    return [*lines, f"bench {data['bench']} --out out/{name}{more}"]
 
 
 def _number(value: float | None, digits: int = 4) -> str:
@@ -336,6 +345,7 @@ PLOTS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
     "paths": (("plan",), plan_plot),
     "sorted": (("batch5", "batch10"), lost_plot),
     "gains": (("ablations",), gain_plot),
+    "fault_gains": (("fault_ablations",), gain_plot),
 }
 """Name of a file -> the results it is of, the first of which has to be there, and how they are drawn."""
 

@@ -48,6 +48,20 @@ def test_a_variant_of_two_changes_is_compared_with_that_of_one():
     assert figures(rows)["paper_filter.gain"] == pytest.approx(-1 / 6)
 
 
+def test_with_faults_it_is_told_how_many_were_dealt_with(tmp_path):
+    def faulty(after):
+        return [
+            {**row, "faults": [{"kind": "slipped", "happened": True, "dealt_with_after": after}]} for row in pours([0])
+        ]
+
+    rows = {DEFAULT: faulty(1), "no_action_model": faulty(None)}
+    found = figures(rows)
+    assert (found["default.dealt_with_within_2"], found["no_action_model.dealt_with_within_2"]) == (1.0, 0.0)
+    assert not any("dealt_with" in name for name in figures({DEFAULT: pours([0])}))
+    texts = [dump_scenario(load_scenario(name="faults", text=one.changes)) for one in VARIANTS.values()]
+    assert len(set(texts)) == len(VARIANTS), "each is a change of a scenario with faults, too"
+
+
 def test_variants_are_run_told_and_gone_on_with(tmp_path):
     def prepared(text):
         short = {"objects": {"labels": ["soup_can"]}, "simulation_duration": 0.3, **parse_yaml(text, "a variant")}

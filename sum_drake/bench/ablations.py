@@ -1,5 +1,6 @@
 """`sum-drake bench ablations`: what each ingredient of the whole system is worth, in objects sorted on the same pours.
 
+With faults, things go wrong in each run as in `bench faults`: a pour of which all goes well asks little of a belief.
 Each variant is a batch in a folder of its name below the bench's: called again, it goes on. Differences are over pairs
 of runs of the same seed, which are of the same pour.
 """
@@ -14,6 +15,7 @@ from sum_drake.assets import InputError
 from sum_drake.batch import Executor, check_batch, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.bench.aims import number
+from sum_drake.bench.faults import dealt_with
 from sum_drake.bench.results import write_results
 from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec
@@ -86,14 +88,15 @@ def bench_ablations(
     *,
     variants: Sequence[str] = tuple(VARIANTS),
     default: Path | None = None,
+    faults: bool = False,
     quick: bool = False,
     progress: Callable[[str, int, int], None],
 ) -> dict[str, float]:
     """Runs variants and what they are compared with, writes report.html after each and results.json at the end.
 
     Returns the figures. variants: of VARIANTS. default: a batch's folder, whose runs of the same seeds stand for the
-    default's. Raises InputError for a variant that is unknown, a folder that holds no such batch, and batches of other
-    settings in `out`.
+    default's. faults: whether things go wrong on purpose in what `prepare` makes; it is told. Raises InputError for a
+    variant that is unknown, a folder that holds no such batch, and batches of other settings in `out`.
     """
     unknown = [name for name in variants if name not in VARIANTS]
     if unknown:
@@ -127,7 +130,8 @@ def bench_ablations(
     changes = {name: VARIANTS[name].changes for name in names}
     made = {name: made_by(folder) for name, folder in folders.items()}
     write_results(
-        out, "ablations", quick=quick, settings={**same, "variants": changes, "default": made[DEFAULT]},
+        out, "ablations", quick=quick,
+        settings={**same, "faults": faults, "variants": changes, "default": made[DEFAULT]},
         seeds={"first": specs[0].seed}, figures=found, rows=_rows(rows), batches=list(made.values()),
     )  # fmt: skip
     return found
@@ -149,11 +153,16 @@ def _check_default(folder: Path, specs: Sequence[EpisodeSpec], settings: Mapping
 
 
 def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
-    """VARIANT.NAME -> value: `batch_figures`, and of the objects how many more it sorts than what it is against."""
+    """VARIANT.NAME -> value: `batch_figures`, and of the objects how many more it sorts than what it is against.
+
+    With faults, what became of them, too.
+    """
     found: dict[str, float] = {}
     for name, of in rows.items():
         known = known_figures(of)
         found |= {f"{name}.{figure}": known[figure] for figure in FIGURES}
+        if any(row.get("faults") for row in of):
+            found |= {f"{name}.{figure}": value for figure, value in dealt_with(of).items()}
         if name != DEFAULT:
             gain = paired_difference(rows[VARIANTS[name].against], of)
             told = (float("nan"),) * 5 if gain is None else dataclasses.astuple(gain)[1:]
@@ -163,6 +172,7 @@ def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
 
 GAIN = ("pairs_that_differ", "gain", "gain_low95", "gain_high95", "gain_p")
 """Of a variant against another, as `batch_figures.Gain` has them."""
+WITHIN_2 = "dealt_with_within_2"
 
 
 def _rows(rows: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
@@ -189,7 +199,14 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         value = found.get(figure, float("nan"))
         return "" if value != value else number(value)
 
-    counted = ("pairs_that_differ", "gain_p", "missorted", "trials_per_object", "cpu_s_per_run_median")
+    heads = [
+        "variant", "what is changed", "runs", "sorted", "compared with", "gain", "pairs that differ", "p", "missorted",
+        "trials an object", "CPU s a run",
+    ]  # fmt: skip
+    counted = ["pairs_that_differ", "gain_p", "missorted", "trials_per_object", "cpu_s_per_run_median"]
+    if any(name.endswith(WITHIN_2) for name in found):
+        heads.append("faults dealt with within two looks")
+        counted.append(WITHIN_2)
     table = [
         (
             page.text(name),
@@ -202,10 +219,6 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
         )
         for name, of in rows.items()
     ]
-    heads = (
-        "variant", "what is changed", "runs", "sorted", "compared with", "gain", "pairs that differ", "p", "missorted",
-        "trials an object", "CPU s a run",
-    )  # fmt: skip
     lost = [
         (page.text(name), page.text(cause), str(count))
         for name, of in rows.items()

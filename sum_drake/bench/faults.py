@@ -73,17 +73,19 @@ TOLD = (
 
 def fault_figures(runs: Sequence[Row], invalid: int) -> dict[str, float]:
     """Figures of the runs; invalid: how many beliefs were."""
+    return {**known_figures(runs), "invalid_beliefs": invalid, **dealt_with(runs)}
+
+
+def dealt_with(runs: Sequence[Row]) -> dict[str, float]:
+    """How many faults happened, and the share of them that the belief dealt with after at most two looks, by kind."""
     faults = [fault for row in runs for fault in row.get("faults") or () if fault["happened"]]
     kinds = sorted({fault["kind"] for fault in faults})
 
     def within_two(some: Sequence[Mapping[str, Any]]) -> float:
-        """Share that was dealt with after at most two looks."""
         soon = [fault["dealt_with_after"] is not None and fault["dealt_with_after"] <= 2 for fault in some]
         return float(np.mean(soon)) if soon else float("nan")
 
     return {
-        **known_figures(runs),
-        "invalid_beliefs": invalid,
         "faults_happened": len(faults),
         "dealt_with_within_2": within_two(faults),
         **{f"dealt_with_within_2.{kind}": within_two([f for f in faults if f["kind"] == kind]) for kind in kinds},

@@ -49,6 +49,9 @@ def add(benches: Commands) -> None:
     text = "what each ingredient of the whole system is worth, in objects sorted on the same pours"
     worth = add_command(benches, "ablations", _bench_ablations, text, "bench ablations --out out/ablations")
     _add_usual(worth, "one run of one object each", FIRST_SEEDS["ablations"])
+    worth.add_argument(
+        "--faults", action="store_true", help="things go wrong on purpose in each run, as in `bench faults`"
+    )
     worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20; with --quick 1)")
     worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them, beside the default (default: all)")
     worth.add_argument(
@@ -119,6 +122,7 @@ def _bench_ablations(options: argparse.Namespace) -> None:
     from sum_drake.batch import Processes
     from sum_drake.bench.ablations import FILES, OBJECTS, QUICK_OBJECTS, QUICK_RUNS, RUNS, VARIANTS, bench_ablations
     from sum_drake.bench.aims import format_figures
+    from sum_drake.bench.faults import SCENARIO
     from sum_drake.doctor import require_rendering
     from sum_drake.systems.scenario import load_scenario
 
@@ -130,14 +134,15 @@ def _bench_ablations(options: argparse.Namespace) -> None:
     runs = options.runs or usual
 
     def prepared(text: str) -> "tuple[list[EpisodeSpec], dict[str, Any]]":
-        return prepare(load_scenario(text=text, seed=options.seed, objects=objects), options.seed, runs)
+        name = SCENARIO if options.faults else None
+        return prepare(load_scenario(name=name, text=text, seed=options.seed, objects=objects), options.seed, runs)
 
     require_rendering()
     kept = f"{options.out} keeps what was done: the same command goes on"
     with if_interrupted(lambda: kept, quiet=options.quiet):
         found = bench_ablations(
             options.out, prepared, Processes(options.workers), variants=options.variants or tuple(VARIANTS),
-            default=options.default, quick=options.quick, progress=Counting(quiet=options.quiet),
+            default=options.default, faults=options.faults, quick=options.quick, progress=Counting(quiet=options.quiet),
         )  # fmt: skip
     print(format_figures(found, {}))
     print(options.out / "report.html")
