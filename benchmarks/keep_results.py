@@ -2,8 +2,9 @@
 
     python benchmarks/keep_results.py out/pose out/b60/batch.json=batch5 ...
 
-Of a bench its folder; of a batch its batch.json, and the name that it is to have. Columns that nothing here reads are
-left out: poses of `pose` and features of `reject`. Then `python benchmarks/tables.py`.
+Of a bench its folder; of a batch its batch.json, and the name that it is to have, as has a bench's result of which
+there is another kind (`pose` of some methods, `ablations` with faults). Columns that nothing here reads are left out:
+poses of `pose` and features of `reject`. Then `python benchmarks/tables.py`.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from sum_drake.bench.pose_methods import METHODS
 from sum_drake.bench.results import SCHEMA
 from sum_drake.files import write_whole
 
@@ -41,16 +43,30 @@ def _rounded(value: Any) -> Any:
     return [_rounded(one) for one in value] if isinstance(value, list) else value
 
 
+def special(data: dict[str, Any]) -> str:
+    """Why a bench's result is not the one that bears its name; "" if it is."""
+    settings = data["settings"]
+    if settings.get("faults"):
+        return "with faults"
+    if data["bench"] == "pose" and set(settings["methods"]) != set(METHODS):
+        return f"of {', '.join(settings['methods'])}"
+    return ""
+
+
 def main() -> None:
     """Writes them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("results", nargs="+", metavar="FOLDER | FILE=NAME")
+    parser.add_argument("results", nargs="+", metavar="FOLDER[=NAME] | FILE=NAME")
     for text in parser.parse_args().results:
         source, _, name = text.partition("=")
         file = Path(source) / "results.json" if Path(source).is_dir() else Path(source)
         data = json.loads(file.read_text())
         if not name and data.get("schema") != SCHEMA:
             parser.error(f"{file}: of no bench; expected one's results, or FILE=NAME")
+        if data.get("quick"):
+            parser.error(f"{file}: of the short form; expected a bench without --quick")
+        if not name and special(data):
+            parser.error(f"{file}: {special(data)}; expected a name of its own, FOLDER=NAME")
         target = RESULTS / f"{name or data['bench']}.json"
         write_whole(target, kept(data))
         print(target)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sum_drake.batch_figures import objects_of
 from sum_drake.bench import ablations, detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.result_plots import (
@@ -85,10 +86,10 @@ def _sequences(data: Mapping[str, Any]) -> list[str]:
     ours = [
         {
             "of": f"ours, seed {row['seed']}",
-            "objects": row["objects_total"],
-            "failed": row["manipulation_errors"],
-            "trials": row["manipulation_trials"],
-            "completion": row["objects_sorted"] / row["objects_total"],
+            "objects": objects_of(row),
+            "failed": row.get("manipulation_errors", 0),
+            "trials": row.get("manipulation_trials", 0),
+            "completion": row.get("objects_sorted", 0) / objects_of(row),
         }
         for row in rows_of(data, "sequence")
     ]
@@ -110,38 +111,16 @@ def _sequences(data: Mapping[str, Any]) -> list[str]:
 
 def _worth(data: Mapping[str, Any]) -> list[str]:
     """What each ingredient is worth."""
-    figures = data["figures"]
-
-    def interval(name: str) -> str:
-        values = [figures.get(f"{name}{end}") for end in ("", "_low95", "_high95")]
-        if any(value is None for value in values):
-            return "unknown"
-        value, low, high = (number(float(one)) for one in values)
-        return f"{value} ({low} to {high})"
-
-    columns: tuple[str, ...] = ("missorted", "trials_per_object", "cpu_s_per_run_median")
-    lines = [
+    heads, *rows = ablations.worth_table(data["figures"])
+    return [
         "Gain: of the objects, how many more are sorted than by what a variant is compared with, over pairs of runs of",
         "the same pour (95 % interval); p: how often signs drawn at random make as large a difference.",
         "",
-        "| variant | what is changed | objects sorted | compared with | gain | pairs that differ | p | missorted "
-        "| trials an object | CPU s a run |",
-        f"|{'---|' * 10}",
+        f"| {' | '.join(heads)} |",
+        f"|{'---|' * len(heads)}",
+        *(f"| `{name}` | {' | '.join(cells)} |" for name, *cells in rows),
+        "",
     ]
-    if ablations.WITHIN_2 in {name.split(".")[1] for name in figures}:
-        lines[-2] += " faults dealt with within two looks |"
-        lines[-1] += "---|"
-        columns = (*columns, ablations.WITHIN_2)
-    for name in data["settings"]["variants"]:
-        variant = ablations.VARIANTS[name]
-        rest = " | ".join(_number(figures[f"{name}.{column}"], 3) for column in columns)
-        share = interval(f"{name}.objects_sorted").replace("unknown", _number(figures[f"{name}.objects_sorted_share"]))
-        gain = "| | | | |"
-        if name != ablations.DEFAULT:
-            told = (_number(figures[f"{name}.{what}"], 3) for what in ("pairs_that_differ", "gain_p"))
-            gain = f"| {variant.against} | {interval(f'{name}.gain')} | {' | '.join(told)} |"
-        lines.append(f"| `{name}` | {variant.words} | {share} {gain} {rest} |")
-    return [*lines, ""]
 
 
 def _over_limits(data: Mapping[str, Any]) -> list[str]:
@@ -183,7 +162,7 @@ def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:
 def _batch(title: str, aims: Aims, data: Mapping[str, Any], plots: Sequence[str]) -> list[str]:
     """What a batch has come to, and what it lost. plots: lines that show them."""
     lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", "", *plots, *_figures(data, aims), ""]
-    lines += _lost(data["losses"], [{"cause": cause, "trials": n} for cause, n in data["errors"].items()])
+    lines += _lost(data["losses"], [{"cause": cause, "trials": n} for cause, n in data.get("errors", {}).items()])
     return [*lines, sort.told_of(data), "", f"With {_packages(data)}.", ""]
 
 
@@ -219,8 +198,7 @@ def _batch_command(data: Mapping[str, Any]) -> str:
 
 def _batches(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """What was run beside a bench, for it: `batch.made_by` of each."""
-    settings = data["settings"]
-    return [*settings.get("batches", ()), *([settings["default"]] if data["bench"] == "ablations" else [])]
+    return list(data["settings"].get("batches", ()))
 
 
 def _commands(name: str, data: Mapping[str, Any]) -> list[str]:
@@ -229,9 +207,11 @@ def _commands(name: str, data: Mapping[str, Any]) -> list[str]:
     for batch in settings.get("batches", ()):
         lines.append(_batch_command(batch))
         more += f" --batch out/b{batch['settings']['objects']}"
-    if name == "fault_ablations":
-        more = f" --faults --seed {data['seeds']['first']} --runs {data['figures']['default.runs']:.0f}"
-        more += f" --variants {' '.join(settings['variants'])}"
+    if data["bench"] == "ablations":
+        more = f" --seed {data['seeds']['first']} --runs {data['figures']['default.runs']:.0f}"
+        more += " --faults" if settings.get("faults") else ""
+        left_out = ablations.VARIANTS.keys() - settings["variants"].keys()
+        more += f" --variants {' '.join(settings['variants'])}" if left_out else ""
     return [*lines, f"bench {data['bench']} --out out/{name}{more}"]
 
 

@@ -17,13 +17,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.batch_figures import batch_figures, causes, errors, losses
+from sum_drake.batch_figures import COSTS, batch_figures, causes, errors, losses
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
 from sum_drake.episodes import Episode, EpisodeSpec, Running, run_episode
 from sum_drake.files import PART, alone
 from sum_drake.fingerprint import different
+from sum_drake.json_shape import check_shape
 from sum_drake.jsonio import write_json
+from sum_drake.summary_schema import ATTEMPT, OBJECT
 
 SCHEMA = "sum-drake/batch/1"
 WORK = ".work"
@@ -121,18 +123,21 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
         raise InputError(f"{file}: is of {other}; expected a new --out")
 
 
-FIELDS = {
-    "settings": dict, "seeds": list, "runs": int, "done": int, "figures": dict, "causes": dict, "losses": list,
-    "episodes": list, "versions": dict, "device": str,
-}  # fmt: skip
-"""Of batch.json, in which those of older versions have no `errors` and no `commit`."""
-ROW: dict[str, Any] = {"seed": int, "state": str, "reason": str, "cpu_s": (int, float), "peak_memory_mib": (int, float)}
+ROW: dict[str, Any] = {"seed": int, "state": str, "reason": str, "cpu_s": float, "peak_memory_mib": float}
 """Of episode.json, and of a row of batch.json, whatever became of the run."""
 SUMMED: dict[str, Any] = {
     "objects_total": int, "objects_sorted": int, "objects_missorted": int, "manipulation_trials": int,
-    "manipulation_errors": int, "timing": dict,
+    "manipulation_errors": int, "timing": dict.fromkeys(COSTS, float | None),
 }  # fmt: skip
 """The same, where there is a summary."""
+FIELDS = {
+    "settings": {"objects": int}, "seeds": [int], "runs": int, "done": int, "figures": {str: float | None},
+    "causes": {str: int}, "losses": [{"seed": int, "label": str, "place": str, "cause": str}], "episodes": [dict],
+    "versions": {str: str}, "device": str,
+}  # fmt: skip
+"""Of batch.json."""
+LATER: dict[str, Any] = {"errors": {}, "commit": None}
+"""What those of older versions have not."""
 
 
 def read_batch(folder: Path) -> dict[str, Any]:
@@ -142,10 +147,16 @@ def read_batch(folder: Path) -> dict[str, Any]:
         data = json.loads(file.read_text())
         if data["schema"] != SCHEMA:
             raise InputError(f"{file}: schema {data['schema']!r}; expected {SCHEMA!r}")
-        for part, kind in FIELDS.items():
-            if not isinstance(data[part], kind):
-                raise TypeError(f"{part} is a {type(data[part]).__name__}")
-        data["episodes"] = [{"objects_asked": data["settings"]["objects"], **_row(row)} for row in data["episodes"]]
+        check_shape(data, FIELDS, "batch")
+        for i, row in enumerate(data["episodes"]):
+            check_shape(row, _shape(row), f"batch.episodes[{i}]")
+        if len(data["seeds"]) != 2:
+            raise ValueError("seeds are not a first and a last one")
+        data = LATER | data
+        check_shape(data["errors"], {str: int}, "batch.errors")
+        data["episodes"] = [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]
+    except InputError as error:
+        raise InputError(f"{file}: {error}; expected a batch's") from None
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
     except (ValueError, KeyError, TypeError) as error:
@@ -153,12 +164,9 @@ def read_batch(folder: Path) -> dict[str, Any]:
     return dict(data)
 
 
-def _row(data: Any) -> dict[str, Any]:
-    """A row of a run. Raises KeyError or TypeError for what is none."""
-    for part, kind in (ROW | (SUMMED if "objects_total" in data else {})).items():
-        if not isinstance(data[part], kind):
-            raise TypeError(f"{part} is a {type(data[part]).__name__}")
-    return dict(data)
+def _shape(row: Mapping[str, Any], **told: Any) -> dict[str, Any]:
+    """Of a row of a run; told: what else there is where there is a summary."""
+    return ROW | (SUMMED | told if "objects_total" in row else {})
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:
@@ -169,10 +177,13 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
     try:
         row = json.loads(file.read_text())
         if row["schema"] != EPISODE:
-            raise InputError(f"{file}: schema {row['schema']!r}; expected {EPISODE!r}")
-        return _row(row)
-    except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"schema {row['schema']!r} is not {EPISODE!r}")
+        check_shape(row, _shape(row, objects=[OBJECT], attempts=[ATTEMPT]), "episode")
+        if str(row["seed"]) != folder.name:
+            raise ValueError(f"is of seed {row['seed']}")
+    except (InputError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected an episode's: remove {folder} to run it again") from None
+    return dict(row)
 
 
 def read_episodes(folder: Path) -> list[dict[str, Any]]:
@@ -209,7 +220,12 @@ BRIEF = (
     "seed", "state", "reason", "outcome", "objects_asked", "objects_total", "objects_sorted", "objects_missorted",
     "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
 )  # fmt: skip
-"""What batch.json tells of each run."""
+"""What batch.json, and results of benches, tell of each run."""
+
+
+def brief(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What there is of BRIEF."""
+    return {key: row[key] for key in BRIEF if key in row}
 
 
 def _write(
@@ -231,7 +247,7 @@ def _write(
         "causes": causes(done),
         "errors": errors(done),
         "losses": losses(done),
-        "episodes": [{key: row[key] for key in BRIEF if key in row} for row in done],
+        "episodes": [brief(row) for row in done],
         "versions": versions(),
         "commit": begun_by,
         "device": "; ".join(devices) or device(),

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from sum_drake.assets import InputError, one_line
+from sum_drake.files import PART
 from sum_drake.jsonio import encode
 from sum_drake.summary_schema import validate_summary
 from sum_drake.types import Immutable
@@ -134,7 +135,7 @@ def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running 
     with tempfile.TemporaryDirectory(dir=folder, prefix=f"{spec.seed}.") as temporary:
         scenario, run = Path(temporary, "scenario.yaml"), Path(temporary, "run")
         scenario.write_text(spec.scenario)
-        with Path(temporary, "log.txt").open("w+", errors="replace") as log:
+        with Path(temporary, "log.txt").open("w") as log:
             command = [sys.executable, "-m", "sum_drake.worker", str(spec.memory_mib), "sort"]
             command += ["--scenario-file", str(scenario), "--seed", str(spec.seed), "--out", str(run)]
             process = running.begin([*command, "--workers", "1"], log)
@@ -142,8 +143,7 @@ def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running 
                 done = _wait(process, spec.time_limit_s)
             finally:
                 running.done(process)
-            log.seek(0)
-            said = log.read()[-LOG_TAIL:].replace(f"{temporary}{os.sep}", "")
+        said = _tail(Path(temporary, "log.txt")).replace(f"{temporary}{os.sep}", "")
         return _judge(spec, done, said, run)
 
 
@@ -181,8 +181,16 @@ def _wait(process: "subprocess.Popen[bytes]", limit: float) -> _Done:
     return _Done(process.returncode, late.is_set(), cpu, time.monotonic() - start, memory)
 
 
+def _tail(log: Path) -> str:
+    """What a log ends with, however much a run that hung has said."""
+    with log.open("rb") as file:
+        file.seek(max(0, log.stat().st_size - 4 * LOG_TAIL))  # a character is up to four bytes
+        return file.read().decode(errors="replace")[-LOG_TAIL:]
+
+
 def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
-    files = {path.name: path.read_bytes() for path in sorted(run.iterdir())} if run.is_dir() else {}
+    kept = [path for path in sorted(run.iterdir()) if path.is_file() and path.suffix != PART] if run.is_dir() else []
+    files = {path.name: path.read_bytes() for path in kept}
     summary, problem = None, ""
     try:
         summary = json.loads(files["summary.json"])

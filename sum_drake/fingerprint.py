@@ -9,6 +9,8 @@ from typing import Any
 from sum_drake.objects import Catalogue
 
 PACKAGE = Path(__file__).parent
+UNREAD_BY_RUNS = ("bench",)
+"""Folders of the package that no run uses: what measures runs may change, and they stay what they are."""
 DATA = (".json", ".mtl", ".obj", ".safetensors", ".sdf", ".urdf", ".xml", ".yaml")
 """Suffixes of models, problems, scenes, scenarios and weights; pictures on objects are left out."""
 
@@ -24,6 +26,12 @@ def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
 def code(package: Path = PACKAGE) -> str:
     """What tells versions of the program apart."""
     return digest(_inside(package, (".py",)))
+
+
+def code_of_runs(package: Path = PACKAGE) -> str:
+    """What tells versions of the program apart by which a run may differ: all but UNREAD_BY_RUNS."""
+    unread = [package / name for name in UNREAD_BY_RUNS]
+    return digest([file for file in _inside(package, (".py",)) if not any(map(file.is_relative_to, unread))])
 
 
 def models(package: Path = PACKAGE) -> str:

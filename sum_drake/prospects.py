@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -68,6 +68,28 @@ def surest(prospect: Prospect) -> float:
 
 POLICIES: dict[str, Callable[[Prospect], float]] = {"surest": surest, "most_likely": most_likely}
 """Which accepted object is tried first: the one with the largest value."""
+
+
+def in_order(prospects: Iterable[Prospect], policy: str, *, spare_neighbours: bool) -> list[Prospect]:
+    """The best first; spare_neighbours: what endangers others last."""
+
+    def key(prospect: Prospect) -> tuple[bool, float, int]:
+        endangers = spare_neighbours and bool(prospect.endangered)
+        return endangers, -POLICIES[policy](prospect), prospect.track.id
+
+    return sorted(prospects, key=key)
+
+
+def passed_over(chosen: Prospect, prospects: Sequence[Prospect], policy: str) -> str:
+    """Which objects the policy holds more of, and come after it for their neighbours' sake; "" for none.
+
+    prospects: `in_order`.
+    """
+    value = POLICIES[policy]
+    after = prospects[prospects.index(chosen) + 1 :]
+    waiting = [one for one in after if value(one) > value(chosen) and one.endangered]
+    said = [f"{one.track.label} waits, as {' and '.join(one.endangered)} might fall off the table" for one in waiting]
+    return "".join(f"; {words}" for words in said)
 
 
 def why(policy: str, prospect: Prospect) -> str:

@@ -1,12 +1,10 @@
 """What summary.json holds, and whether a file holds it."""
 
-import math
-import types
-import typing
 from collections.abc import Mapping
 from typing import Any
 
 from sum_drake.assets import InputError
+from sum_drake.json_shape import check_shape
 
 SCHEMA = "sum-drake/run/1"
 TIMING = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "wall_s", "sim_time_s")
@@ -43,7 +41,7 @@ FATES = {
 }
 """What became of a false detection."""
 
-# What the file must hold: a type, a union of types, [rows of a kind], {fields} or {str: type}.
+# Shapes, as `json_shape.check_shape` has them.
 _POSE = {
     "track": int,
     "label": str,
@@ -91,7 +89,7 @@ _LIMITS = {
     "violations": {str: int},
 }
 """`limits`, which older summaries do without."""
-_ATTEMPT = {
+ATTEMPT = {
     "step": int,
     "track": int,
     "label": str,
@@ -105,6 +103,7 @@ _ATTEMPT = {
     "rejected_by": {str: int},
     "slip_m": float | None,
 }
+OBJECT = {"label": str, "goal": str, "place": str, "p_W": [float]}
 _SUMMARY = {
     "schema": str,
     "seed": int,
@@ -114,11 +113,11 @@ _SUMMARY = {
     "objects_missorted": int,
     "missorted_by": {"perception": int, "manipulation": int},
     "completion_ratio": float,
-    "objects": [{"label": str, "goal": str, "place": str, "p_W": [float]}],
+    "objects": [OBJECT],
     "manipulation_trials": int,
     "manipulation_errors": int,
     "observations": [_OBSERVATION],
-    "attempts": [_ATTEMPT],
+    "attempts": [ATTEMPT],
     "timing": dict.fromkeys(TIMING, float | None),
     "digest": str,
     "versions": {str: str},
@@ -131,26 +130,26 @@ def validate_summary(data: Any) -> None:
 
     Fields that are not known are let through: a later version may add some.
     """
-    _check(data, _SUMMARY, "summary")
+    check_shape(data, _SUMMARY, "summary")
     if data["schema"] != SCHEMA:
         raise InputError(f"summary.schema: {data['schema']!r}; expected {SCHEMA!r}")
     if data["outcome"] != "cleared" and not data["outcome"].startswith("stopped: "):
         raise InputError(f"summary.outcome: {data['outcome']!r}; expected 'cleared' or 'stopped: <reason>'")
     for i, row in enumerate(data["observations"]):
         where = f"summary.observations[{i}].false_detections"
-        _check(row.get("false_detections", []), [_FALSE_DETECTION], where)
+        check_shape(row.get("false_detections", []), [_FALSE_DETECTION], where)
         for j, detection in enumerate(row.get("false_detections", [])):
             if detection["fate"] not in FATES:
                 raise InputError(f"{where}[{j}].fate: {detection['fate']!r}; expected one of {', '.join(FATES)}")
-        _check(row.get("gone", []), [_GONE], f"summary.observations[{i}].gone")
-    _check(data.get("faults", []), [_FAULT], "summary.faults")
+        check_shape(row.get("gone", []), [_GONE], f"summary.observations[{i}].gone")
+    check_shape(data.get("faults", []), [_FAULT], "summary.faults")
     if data.get("limits") is not None:
-        _check(data["limits"], _LIMITS, "summary.limits")
-        _check(data["limits"].get("violated_by", {}), {str: int}, "summary.limits.violated_by")
+        check_shape(data["limits"], _LIMITS, "summary.limits")
+        check_shape(data["limits"].get("violated_by", {}), {str: int}, "summary.limits.violated_by")
     for i, row in enumerate(data["attempts"]):
         believed = row.get("believed")
-        _check({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")
-        _check(row.get("why", ""), str, f"summary.attempts[{i}].why")
+        check_shape({} if believed is None else believed, {str: float}, f"summary.attempts[{i}].believed")
+        check_shape(row.get("why", ""), str, f"summary.attempts[{i}].why")
         if row["outcome"] not in OUTCOMES:
             raise InputError(
                 f"summary.attempts[{i}].outcome: {row['outcome']!r}; expected one of {', '.join(OUTCOMES)}"
@@ -164,36 +163,3 @@ def validate_summary(data: Any) -> None:
         raise InputError(
             f"summary.objects_sorted: {data['objects_sorted']}; expected at most {data['objects_total']} in all"
         )
-
-
-def _check(value: Any, kind: Any, where: str) -> None:
-    if isinstance(kind, list):
-        if not isinstance(value, list):
-            raise InputError(f"{where}: {type(value).__name__}; expected a list")
-        for i, item in enumerate(value):
-            _check(item, kind[0], f"{where}[{i}]")
-    elif isinstance(kind, dict):
-        if not isinstance(value, dict):
-            raise InputError(f"{where}: {type(value).__name__}; expected an object")
-        for name, item in kind.items():
-            if name is str:
-                for key, entry in value.items():
-                    _check(entry, item, f"{where}.{key}")
-            elif name not in value:
-                raise InputError(f"{where}.{name}: missing; expected {_name(item)}")
-            else:
-                _check(value[name], item, f"{where}.{name}")
-    elif isinstance(kind, types.UnionType):
-        if value is not None:
-            _check(value, typing.get_args(kind)[0], where)
-    elif kind is float:
-        if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
-            raise InputError(f"{where}: {value!r}; expected a finite number")
-    elif not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        raise InputError(f"{where}: {value!r}; expected {_name(kind)}")
-
-
-def _name(kind: Any) -> str:
-    if isinstance(kind, list | dict):
-        return "a list" if isinstance(kind, list) else "an object"
-    return str(getattr(kind, "__name__", kind))

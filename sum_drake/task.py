@@ -16,7 +16,7 @@ from sum_drake.lifting import LEANS
 from sum_drake.making_way import MOVE, TO_PLACE, blockers, moves, nearest, worn_out
 from sum_drake.picking import PickPlan
 from sum_drake.placing import is_area
-from sum_drake.prospects import POLICIES, Prospect, surest, why
+from sum_drake.prospects import Prospect, in_order, passed_over, surest, why
 from sum_drake.standing import table_shown
 from sum_drake.task_config import TaskConfig
 from sum_drake.types import LEAVE, Array, Attempt, Perception, Region, Track
@@ -118,10 +118,8 @@ class SortingTask:
     def _choose(self, now: Now, wanted: Sequence[Track]) -> tuple[Pick | None, list[Attempt]]:
         """What to do with the objects that are to be brought elsewhere, and all that was given up before."""
         policy = self._config.policy
-        prospects = sorted(
-            (self._attempting.prospect(now, track) for track in wanted),
-            key=lambda prospect: (bool(prospect.endangered), -POLICIES[policy](prospect), prospect.track.id),
-        )
+        promised = (self._attempting.prospect(now, track) for track in wanted)
+        prospects = in_order(promised, policy, spare_neighbours=self._config.spare_neighbours)
         refused: list[Attempt] = []
         stuck: list[tuple[Prospect, Attempt | None]] = []
         unsure = {p.track.id: p for p in prospects if policy == "surest" and surest(p) < self._config.least_sure}
@@ -132,7 +130,7 @@ class SortingTask:
             plan = self._attempting.plan(now, prospect, region)
             if isinstance(plan, PickPlan):
                 words = why(policy, prospect) + _in_the_way_of(prospect.track, refused, now.believed)
-                words += _not_yet(policy, prospect, prospects)
+                words += passed_over(prospect, prospects, policy)
                 return Pick(plan, prospect.track, region, (), "pick_place", words)
             refused.append(plan)
             stuck.append((prospect, plan))
@@ -226,14 +224,6 @@ class SortingTask:
         own = self._attempting.goal_of(track.label)
         table = self._regions["table"]
         return own if own != LEAVE and is_area(self._regions[own], table) and self._is_in_place(track) else "table"
-
-
-def _not_yet(policy: str, chosen: Prospect, prospects: Sequence[Prospect]) -> str:
-    """Which objects the policy holds more of, and why they wait, in words; "" where there are none."""
-    value = POLICIES[policy]
-    waiting = [] if chosen.endangered else [p for p in prospects if p.endangered and value(p) > value(chosen)]
-    said = [f"{p.track.label} waits, as {' and '.join(p.endangered)} might fall off the table" for p in waiting]
-    return "".join(f"; {words}" for words in said)
 
 
 def _in_the_way_of(track: Track, refused: Sequence[Attempt], believed: Sequence[Track]) -> str:

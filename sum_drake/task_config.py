@@ -9,6 +9,8 @@ class TaskConfig:
 
     policy: str = "most_likely"
     """Which accepted object comes first, one of `prospects.POLICIES`; most_likely is the paper's."""
+    spare_neighbours: bool = True
+    """Whether an object by whose lift others may fall off the table is taken last; the paper does not ask."""
     max_attempts: int = 3
     """Tries at one label before it is left, until another is brought away; twice as many in all."""
     remember: bool = True

@@ -105,12 +105,18 @@ class Detections(Immutable):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PoseBelief(Immutable):
-    """Bel(q): weighted particles of one object's pose."""
+    """Bel(q): weighted particles of one object's pose. Raises ValueError for what is none."""
 
     X_WOs: Array
-    """(n, 4, 4)."""
+    """(n, 4, 4), finite."""
     weights: Array
-    """(n,), sum to 1."""
+    """(n,), not negative, sum to 1."""
+
+    def __post_init__(self) -> None:
+        if self.X_WOs.shape != (len(self.weights), 4, 4) or not np.isfinite(self.X_WOs).all():
+            raise ValueError(f"no belief: poses {self.X_WOs.shape}; expected finite ones, one for each weight")
+        if not ((self.weights >= 0).all() and abs(self.weights.sum() - 1.0) < 1e-6):  # nor is NaN
+            raise ValueError(f"no belief: weights sum to {self.weights.sum():g}; expected 1, and none below 0")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -63,11 +63,11 @@ class PouringConfig:
     timeout: float = 6.0
     """Simulated time after which a stage that does not settle is given up."""
     rest_time: float = 2.0
-    """How long all objects must be at rest at the end: in this time"""
+    """At the end all objects must have been at rest for so long, seconds."""
     rest_moved: float = 0.0005
-    """no origin may have moved by more than this, metres,"""
+    """An object whose origin moved by no more than this in `rest_time` is at rest, metres,"""
     rest_turned: float = 0.01
-    """and no object turned by more, radians."""
+    """if it turned by no more than this, either, radians."""
     reach_x: list[float] = dataclasses.field(default_factory=lambda: [0.45, 0.76])
     """World x between which every object's origin must come to rest."""
     reach_y: list[float] = dataclasses.field(default_factory=lambda: [-0.34, 0.34])

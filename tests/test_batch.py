@@ -244,11 +244,17 @@ def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     assert "holds no batch" in refused(capsys, *batch(foreign))
     broken = tmp_path / "broken"
     shutil.copytree(undisturbed, broken)
-    for text in ("{", '{"schema": "sum-drake/episode/1"}'):
+    row = json.loads((broken / "5" / "episode.json").read_text())
+    less = {key: value for key, value in row.items() if key != "attempts"}
+    for text in ("{", '{"schema": "sum-drake/episode/1"}', json.dumps(row | {"seed": 6}), json.dumps(less)):
         (broken / "5" / "episode.json").write_text(text)
         assert "to run it again" in refused(capsys, *batch(broken))
     whole = told(undisturbed)
-    for damaged in ([], whole | {"episodes": [1]}, whole | {"episodes": [{"seed": 5}]}, whole | {"settings": {}}):
+    for damaged in (
+        [], whole | {"episodes": [1]}, whole | {"episodes": [{"seed": 5}]}, whole | {"settings": {}},
+        whole | {"seeds": []}, whole | {"losses": [1]}, whole | {"figures": {"runs": "many"}},
+        whole | {"episodes": [whole["episodes"][0] | {"timing": {}}]},
+    ):  # fmt: skip
         (broken / "batch.json").write_text(json.dumps(damaged))
         assert "expected a batch's" in refused(capsys, *batch(broken))
         assert "expected a batch's" in refused(capsys, "report", str(broken))

@@ -1,14 +1,18 @@
 """What is made of runs in which things go wrong on purpose."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 from deciding import CAN, believe
 from test_batch_figures import run
 
-from sum_drake.bench.faults import AIMS, _invalid, fault_figures, invalid_beliefs
-from sum_drake.types import PoseBelief, SceneBelief, readonly
+from sum_drake.batch import Processes
+from sum_drake.bench.faults import AIMS, SCENARIO, _invalid, bench_faults, fault_figures, invalid_beliefs
+from sum_drake.commands.batch import prepare
+from sum_drake.systems.scenario import load_scenario
+from sum_drake.types import SceneBelief, readonly
 
 
 def fault(kind, after, happened=True):
@@ -32,10 +36,31 @@ def test_only_what_happened_is_to_be_dealt_with_and_soon():
 def test_what_is_wrong_with_a_belief_is_said():
     track = believe("soup_can", CAN)
     assert list(_invalid(SceneBelief(0, (track,), 1))) == []
-    nowhere = PoseBelief(readonly(np.full((2, 4, 4), np.nan)), readonly([0.5, 0.4]))
-    bad = [dataclasses.replace(track, id=1, probability=np.nan), dataclasses.replace(track, belief=nowhere)]
+    nowhere = readonly(np.full((4, 4), np.nan))
+    bad = [dataclasses.replace(track, id=1, probability=np.nan), dataclasses.replace(track, X_WO=nowhere)]
     said = " ".join(_invalid(SceneBelief(0, (track, *bad), 3)))
-    assert all(word in said for word in ("two tracks of one id", "probability nan", "nowhere", "sum to 0.9"))
+    assert all(word in said for word in ("two tracks of one id", "probability nan", "nowhere"))
+
+
+def test_runs_are_made_judged_and_told(tmp_path):
+    """Short ones, in which nothing goes wrong yet."""
+    text = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
+    specs, settings = prepare(load_scenario(name=SCENARIO, text=text, seed=3), 3, 2)
+    found = bench_faults(
+        tmp_path, specs, settings, Processes(2), quick=True, progress=lambda what, done, total: None
+    )  # fmt: skip
+    data = json.loads((tmp_path / "results.json").read_text())
+    assert [(row["seed"], row["state"]) for row in data["rows"] if row["table"] == "run"] == [
+        (3, "ended"),
+        (4, "ended"),
+    ]
+    assert (found["crashes"], found["invalid_beliefs"], found["objects_sorted_share"]) == (0, 0, 0.0)
+    assert sum(row["table"] == "loss" for row in data["rows"]) == 2
+    (tmp_path / "runs" / "4" / "run.mcap").write_text("no log")
+    again = bench_faults(
+        tmp_path, specs, settings, Processes(2), quick=True, progress=lambda what, done, total: None
+    )  # fmt: skip
+    assert again["invalid_beliefs"] == 1 and "Runs with faults" in (tmp_path / "report.html").read_text()
 
 
 def test_a_run_without_a_log_has_no_valid_belief(tmp_path):

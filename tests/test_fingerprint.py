@@ -1,6 +1,9 @@
 """Results of another program, or of other objects, are told from this one's."""
 
-from sum_drake.fingerprint import code, code_and_meshes, different, models
+import ast
+from pathlib import Path
+
+from sum_drake.fingerprint import UNREAD_BY_RUNS, code, code_and_meshes, code_of_runs, different, models
 from sum_drake.objects import load_catalogue
 
 
@@ -19,6 +22,30 @@ def test_all_of_the_program_and_of_its_data_tells_rows_apart(tmp_path):
     (data / "print.png").write_text("a picture")
     (package / "notes.md").write_text("words")
     assert (code(package), models(package)) in told
+
+
+def test_what_measures_runs_leaves_them_what_they_are(tmp_path):
+    (tmp_path / "bench").mkdir()
+    told = set()
+    for text in ("1", "2"):
+        (tmp_path / "bench" / "sort.py").write_text(text)
+        told.add((code(tmp_path), code_of_runs(tmp_path)))
+    assert len({whole for whole, _ in told}) == 2 and len({of_runs for _, of_runs in told}) == 1
+    (tmp_path / "belief.py").write_text("3")
+    assert code_of_runs(tmp_path) not in {of_runs for _, of_runs in told}
+
+
+def test_nothing_but_benches_imports_them():
+    """Or a run could differ, and `code_of_runs` be the same."""
+    package = Path(__file__).parents[1] / "sum_drake"
+    unread = tuple(f"sum_drake.{name}" for name in UNREAD_BY_RUNS)
+    for file in [*package.rglob("*.py"), *(package.parent / "systems").rglob("*.py")]:
+        if file.is_relative_to(package / "bench") or file.match("commands/bench*.py"):
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            names = [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            names += [f"{node.module}.{one.name}" for one in node.names] if isinstance(node, ast.ImportFrom) else []
+            assert not any(name.startswith(unread) for name in names), file
 
 
 def test_collision_pieces_and_simulation_models_of_a_catalogue_tell_rows_apart(tmp_path):

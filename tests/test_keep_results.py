@@ -39,6 +39,26 @@ def test_figures_are_kept_to_the_last_digit_and_rows_to_five(keeping):
     )
 
 
+def test_what_is_not_the_result_of_its_name_wants_another(keeping, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(keeping, "RESULTS", tmp_path)
+    whole = {"schema": keeping.SCHEMA, "rows": []}
+    for name, data, said in (
+        ("short", {"bench": "sort", "quick": True, "settings": {}}, "of the short form"),
+        ("faulty", {"bench": "ablations", "settings": {"faults": True}}, "with faults; expected a name"),
+        ("some", {"bench": "pose", "settings": {"methods": ["default", "no_flips"]}}, "of default, no_flips; expected"),
+    ):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "results.json").write_text(json.dumps(whole | data))
+        monkeypatch.setattr(sys, "argv", ["keep_results.py", str(tmp_path / name)])
+        with pytest.raises(SystemExit):
+            keeping.main()
+        assert said in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.json"))
+    monkeypatch.setattr(sys, "argv", ["keep_results.py", f"{tmp_path / 'faulty'}=fault_ablations"])
+    keeping.main()
+    assert json.loads((tmp_path / "fault_ablations.json").read_text())["bench"] == "ablations"
+
+
 def test_what_is_no_bench_wants_a_name(keeping, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(keeping, "RESULTS", tmp_path)
     batch = tmp_path / "batch.json"

@@ -7,7 +7,7 @@ import pytest
 
 from sum_drake.grasp_ranking import RankedGrasps
 from sum_drake.lifting import Dragged
-from sum_drake.prospects import GRASPS, POLICIES, Prospect, most_likely, surest, why
+from sum_drake.prospects import GRASPS, POLICIES, Prospect, in_order, most_likely, passed_over, surest, why
 from sum_drake.types import PoseBelief, Track, readonly
 
 EYE = readonly(np.eye(4))
@@ -53,6 +53,23 @@ def test_what_may_fall_off_the_table_is_told_where_that_is_likely():
     barely = [Dragged(label, 0.8, falls=0.5) for label in ("tide", "tea", "toy")]
     assert prospect(dragged=barely[:1]).endangered == ()
     assert prospect(dragged=barely).endangered == ("tide", "tea", "toy"), "one of them"
+
+
+def test_what_endangers_others_waits_and_it_is_said():
+    edge = prospect(dragged=(Dragged("tide", 0.3, falls=0.5),), id=0, label="mug", likelihood=0.9)
+    first, second = (prospect(id=i, label=f"can {i}", likelihood=0.5) for i in (1, 2))
+    ids = [one.track.id for one in in_order([second, edge, first], "most_likely", spare_neighbours=True)]
+    assert ids == [1, 2, 0], "ties are broken by the track"
+    ordered = in_order([first, edge], "most_likely", spare_neighbours=True)
+    assert passed_over(first, ordered, "most_likely") == "; mug waits, as tide might fall off the table"
+    assert passed_over(edge, ordered, "most_likely") == ""
+
+    def never():
+        raise AssertionError("the paper's choice asks for nothing but the belief")
+
+    papers = [Prospect(one.track, one.obstacles_W, never, never) for one in (first, edge)]
+    ids = [one.track.id for one in in_order(papers, "most_likely", spare_neighbours=False)]
+    assert ids == [0, 1]
 
 
 def test_a_choice_is_explained_by_its_factors():

@@ -1,8 +1,19 @@
 """Plots of results are of all that they tell, and of nothing else."""
 
+import numpy as np
 import pytest
 
-from sum_drake.bench.result_plots import centimetres, gain_plot, lost_plot, plan_plot, pose_plot, rows_of, trials_plot
+from sum_drake.bench.result_plots import (
+    belief_series,
+    centimetres,
+    gain_plot,
+    lost_plot,
+    plan_plot,
+    pose_plot,
+    rows_of,
+    telling_series,
+    trials_plot,
+)
 
 
 def estimate(method, metres, degrees, **more):
@@ -39,6 +50,19 @@ def test_a_gain_that_cannot_be_told_is_named_all_the_same():
     }
     drawn = gain_plot({"figures": figures})
     assert "no memory" in drawn and "default" not in drawn
+
+
+def test_a_belief_that_knows_rejects_what_is_wrong_and_keeps_the_rest():
+    rows = [
+        {"table": "hypothesis", "probability": p, "right": right, "p_box": 0.9, "p_label": 1.0, "likelihood": 0.5}
+        for p, right in ((0.9, True), (0.8, True), (0.1, False))
+    ]
+    belief, score, detector = telling_series({"rows": rows})
+    assert [(float(x), float(y)) for x, y in zip(belief.x, belief.y, strict=True)] == [(1, 0), (1, 1), (0.5, 1)]
+    assert (list(score.x), list(score.y)) == ([1.0], [0.0]), "it says the same of all"
+    assert (score.name, detector.name) == ("the paper's p(x)", "detector")
+    diagonal, told = belief_series({"rows": rows})
+    assert not diagonal.name and len(np.asarray(told.x)) == len(np.asarray(told.y))
 
 
 def test_losses_are_of_all_runs_a_crashed_one_too():

@@ -6,13 +6,14 @@ of runs of the same seed, which are of the same pour.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, check_batch, made_by, read_batch, read_episodes, run_batch
+from sum_drake.batch import Executor, brief, check_batch, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.bench.aims import number
 from sum_drake.bench.faults import dealt_with
@@ -173,52 +174,48 @@ def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
 GAIN = ("pairs_that_differ", "gain", "gain_low95", "gain_high95", "gain_p")
 """Of a variant against another, as `batch_figures.Gain` has them."""
 WITHIN_2 = "dealt_with_within_2"
+INTERVALS = {"objects_sorted_share": ("", "objects_sorted"), "gain": ("+", "gain")}
+"""Columns that have one: sign of what is told, and what stands before the names of its ends."""
 
 
 def _rows(rows: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
-    kept = ("seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
-            "manipulation_trials", "manipulation_errors", "cpu_s", "digest")  # fmt: skip
-    told = [
-        {"table": "run", "variant": name, **{key: row[key] for key in kept if key in row}}
-        for name, of in rows.items()
-        for row in of
-    ]
+    told = [{"table": "run", "variant": name, **brief(row)} for name, of in rows.items() for row in of]
     return told + [{"table": "loss", "variant": name, **loss} for name, of in rows.items() for loss in losses(of)]
 
 
+def worth_table(found: Mapping[str, float | None]) -> list[tuple[str, ...]]:
+    """What each variant has come to, in words: heads, then a row for each; nothing stands for what cannot be told.
+
+    found: as `figures` makes them, None for NaN as results.json has it.
+    """
+    known = {name: float("nan") if value is None else float(value) for name, value in found.items()}
+    columns = {
+        "runs": "runs", "objects_sorted_share": "objects sorted", "against": "compared with", "gain": "gain",
+        "pairs_that_differ": "pairs that differ", "gain_p": "p", "missorted": "missorted",
+        "trials_per_object": "trials an object", "cpu_s_per_run_median": "CPU s a run",
+    }  # fmt: skip
+    if any(name.endswith(WITHIN_2) for name in known):
+        columns[WITHIN_2] = "faults dealt with within two looks"
+
+    def cell(variant: str, column: str) -> str:
+        if column == "against":
+            return "" if variant == DEFAULT else VARIANTS[variant].against
+        value = known.get(f"{variant}.{column}", float("nan"))
+        if math.isnan(value):
+            return ""
+        if column not in INTERVALS:
+            return number(value)
+        sign, ends = INTERVALS[column]
+        low, high = (known[f"{variant}.{ends}{end}"] for end in ("_low95", "_high95"))
+        return f"{value:{sign}.3f}" + ("" if math.isnan(low) else f" ({low:{sign}.3f} to {high:{sign}.3f})")
+
+    names = dict.fromkeys(name.split(".")[0] for name in known)
+    heads = ("variant", "what is changed", *columns.values())
+    return [heads, *((name, VARIANTS[name].words, *(cell(name, column) for column in columns)) for name in names)]
+
+
 def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
-    def interval(name: str, figure: str, sign: str) -> str:
-        value, low, high = (found.get(f"{name}.{figure}{end}", float("nan")) for end in ("", "_low95", "_high95"))
-        return "" if value != value else f"{value:{sign}.3f} ({low:{sign}.3f} to {high:{sign}.3f})"
-
-    def sorted_interval(name: str) -> str:
-        share, low, high = (found[f"{name}.objects_sorted_{end}"] for end in ("share", "low95", "high95"))
-        return "" if share != share else f"{share:.3f} ({low:.3f} to {high:.3f})"
-
-    def told(figure: str) -> str:
-        value = found.get(figure, float("nan"))
-        return "" if value != value else number(value)
-
-    heads = [
-        "variant", "what is changed", "runs", "sorted", "compared with", "gain", "pairs that differ", "p", "missorted",
-        "trials an object", "CPU s a run",
-    ]  # fmt: skip
-    counted = ["pairs_that_differ", "gain_p", "missorted", "trials_per_object", "cpu_s_per_run_median"]
-    if any(name.endswith(WITHIN_2) for name in found):
-        heads.append("faults dealt with within two looks")
-        counted.append(WITHIN_2)
-    table = [
-        (
-            page.text(name),
-            page.text(VARIANTS[name].words),
-            str(len(of)),
-            sorted_interval(name),
-            "" if name == DEFAULT else page.text(VARIANTS[name].against),
-            interval(name, "gain", "+"),
-            *(told(f"{name}.{figure}") for figure in counted),
-        )
-        for name, of in rows.items()
-    ]
+    heads, *table = worth_table(found)
     lost = [
         (page.text(name), page.text(cause), str(count))
         for name, of in rows.items()
@@ -231,7 +228,7 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
             "<p>The same pours, sorted with one thing changed of what a variant is compared with. Gain: of the "
             "objects, how many more are sorted than by that, over pairs of runs; in brackets, 95 % intervals; p: how "
             "often signs drawn at random make as large a difference.</p>",
-            page.table(heads, table),
+            page.table(heads, [tuple(map(page.text, row)) for row in table]),
             "<h2>What was lost, by cause</h2>",
             page.table(("variant", "cause", "objects"), lost) if lost else "<p>Nothing.</p>",
         ],

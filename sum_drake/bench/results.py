@@ -27,7 +27,8 @@ def write_results(
 
     Args:
         bench: its name.
-        settings: what else it depends on, beside the program's code.
+        settings: what else it depends on, beside the program's code; a batch's own, which leaves benches out, is not
+            told.
         seeds: by what they are for.
         figures: name -> number; shares are 0 to 1. What cannot be known (nan) becomes null, in rows, too.
         rows: the tables behind the figures; each row names its table under "table".
@@ -37,7 +38,7 @@ def write_results(
         "schema": SCHEMA,
         "bench": bench,
         "quick": quick,
-        "settings": {"code": code(), **settings},
+        "settings": {**settings, "code": code()},
         "seeds": seeds,
         "versions": versions(),
         "commit": _all_of(batches, "commit") or commit(),

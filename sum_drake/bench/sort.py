@@ -10,7 +10,7 @@ from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, Progress, made_by, read_batch, read_episodes, run_batch
+from sum_drake.batch import Executor, Progress, brief, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
 from sum_drake.bench.aims import Aims, figure_table, number
 from sum_drake.bench.results import write_results
@@ -20,6 +20,8 @@ from sum_drake.fingerprint import different
 
 FILES = ("results.json", "report.html", "sequences")
 AIMS: Aims = {
+    "crashes": ("at most", 0),
+    "hangs": ("at most", 0),
     "objects_sorted_share": ("at least", 0.98),
     "objects_sorted_low95": ("at least", 0.95),
     "trials_per_object": ("at most", 1.05),
@@ -58,7 +60,8 @@ def bench_sort(
     run_batch(out / "sequences", specs, settings, executor, progress)
     sequences = read_episodes(out / "sequences")
     found = sort_figures(sequences, larger)
-    rows = [_row("sequence", row) for row in sequences] + [_row("run", row) for row in larger]
+    rows = [{"table": "sequence", **brief(row)} for row in sequences]
+    rows += [{"table": "run", **brief(row)} for row in larger]
     for kind, of in by_kind(sequences, larger).items():
         rows += [{"table": "loss", "of": kind, **loss} for loss in losses(of)]
         rows += [{"table": "error", "of": kind, "cause": cause, "trials": n} for cause, n in errors(of).items()]
@@ -97,12 +100,12 @@ def read_batches(folders: Sequence[Path], usual: Callable[[int], Mapping[str, An
 
 
 def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, float]:
-    """Figures of the sequences, `sequences_*`, and of the runs of as many objects, and of ten, `*_10`.
+    """Figures of the sequences, `sequences_*`, and of the runs of five objects, and of ten, `*_10`.
 
     Without larger batches the sequences are the runs.
     """
     kinds = by_kind(sequences, larger)
-    five = kinds.get(f"{sequences[0]['objects_asked']} objects", sequences)
+    five = kinds.get(f"{OBJECTS} objects", sequences)
     ten = kinds.get("10 objects", [])
     return {
         **known_figures(five),
@@ -126,13 +129,6 @@ def by_kind(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, list[R
     numbers = sorted({row["objects_asked"] for row in larger})
     batches = {f"{number} objects": [row for row in larger if row["objects_asked"] == number] for number in numbers}
     return {"sequences": list(sequences), **batches}
-
-
-def _row(table: str, row: Row) -> dict[str, Any]:
-    kept = ("seed", "state", "reason", "outcome", "objects_total", "objects_sorted", "objects_missorted",
-            "manipulation_trials", "manipulation_errors", "cpu_s", "peak_memory_mib", "digest", "timing",
-            "limits", "objects_asked")  # fmt: skip
-    return {"table": table, **{name: row[name] for name in kept if name in row}}
 
 
 def told_of(batch: Mapping[str, Any]) -> str:
