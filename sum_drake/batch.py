@@ -135,9 +135,7 @@ FIELDS = {
     "causes": {str: int}, "losses": [{"seed": int, "label": str, "place": str, "cause": str}], "episodes": [dict],
     "versions": {str: str}, "device": str,
 }  # fmt: skip
-"""Of batch.json."""
-LATER: dict[str, Any] = {"errors": {}, "commit": None}
-"""What those of older versions have not."""
+"""Of batch.json, in which those of older versions have no `errors` and no `commit`."""
 
 
 def read_batch(folder: Path) -> dict[str, Any]:
@@ -152,8 +150,7 @@ def read_batch(folder: Path) -> dict[str, Any]:
             check_shape(row, _shape(row), f"batch.episodes[{i}]")
         if len(data["seeds"]) != 2:
             raise ValueError("seeds are not a first and a last one")
-        data = LATER | data
-        check_shape(data["errors"], {str: int}, "batch.errors")
+        check_shape(data.get("errors", {}), {str: int}, "batch.errors")
         data["episodes"] = [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]
     except InputError as error:
         raise InputError(f"{file}: {error}; expected a batch's") from None

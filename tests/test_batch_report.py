@@ -157,7 +157,7 @@ def test_a_batch_that_has_just_begun_has_a_page(tmp_path: Path) -> None:
         ("[]", "expected a batch's"),
         ('{"schema": "sum-drake/batch/9"}', "'sum-drake/batch/9'; expected 'sum-drake/batch/1'"),
         ('{"schema": "sum-drake/batch/1"}', "settings"),
-        ('{"schema": "sum-drake/batch/1", "settings": 3}', "settings is a int"),
+        ('{"schema": "sum-drake/batch/1", "settings": 3}', "batch.settings: int; expected an object"),
     ],
 )
 def test_what_is_no_batch_is_refused(tmp_path: Path, text: str, said: str) -> None:

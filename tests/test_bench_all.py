@@ -51,9 +51,10 @@ def test_what_ends_one_ends_all(number, tmp_path, capsys, monkeypatch):
 def test_results_of_something_else_are_not_taken_for_done(tmp_path, capsys):
     out = ("bench", "all", "--out", str(tmp_path))
     (tmp_path / "pose").mkdir()
-    write_results(tmp_path / "pose", "pose", quick=True, settings={"code": "0" * 16}, seeds={}, figures={}, rows=[])
+    write_results(tmp_path / "pose", "pose", quick=True, settings={}, seeds={}, figures={}, rows=[])
     file = tmp_path / "pose" / "results.json"
     assert "of the short form; expected a new --out" in refused(capsys, *out)
+    file.write_text(json.dumps({**json.loads(file.read_text()), "settings": {"code": "0" * 16}}))
     assert "of another version of the program; expected a new --out" in refused(capsys, *out, "--quick")
     file.write_text(json.dumps({**json.loads(file.read_text()), "settings": {}}))
     assert "of another version of the program; expected a new --out" in refused(capsys, *out, "--quick"), "an older one"
