@@ -144,7 +144,7 @@ def read_batch(folder: Path) -> dict[str, Any]:
     try:
         data = json.loads(file.read_text())
         if data["schema"] != SCHEMA:
-            raise InputError(f"{file}: schema {data['schema']!r}; expected {SCHEMA!r}")
+            raise ValueError(f"schema {data['schema']!r} is not {SCHEMA!r}")
         check_shape(data, FIELDS, "batch")
         for i, row in enumerate(data["episodes"]):
             check_shape(row, _shape(row), f"batch.episodes[{i}]")
@@ -152,11 +152,9 @@ def read_batch(folder: Path) -> dict[str, Any]:
             raise ValueError("seeds are not a first and a last one")
         check_shape(data.get("errors", {}), {str: int}, "batch.errors")
         data["episodes"] = [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]
-    except InputError as error:
-        raise InputError(f"{file}: {error}; expected a batch's") from None
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (InputError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
     return dict(data)
 
