@@ -4,8 +4,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+
+import pytest
 
 from sum_drake.workers import ONE_THREAD, one_thread_each
 
@@ -70,6 +73,27 @@ def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
     out, err = process.communicate(timeout=50)
     assert (out, err, process.returncode) == ("given up\n", "", 0)
     assert len(workers) == 2 and not any(map(is_running, workers))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_waits_until_processes_are_started_whichever_thread_it_reaches(number):
+    """Libraries keep threads, which have no part in this one's mask; a process started half shows its own traceback."""
+    stop, said = threading.Event(), []
+    library = threading.Thread(target=stop.wait)
+    library.start()
+    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with pytest.raises(KeyboardInterrupt), one_thread_each():
+            os.kill(os.getpid(), number)
+            time.sleep(0.1)
+            said.append("started")
+        assert said == ["started"]
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        stop.set()
+        library.join()
 
 
 def test_workers_do_not_outlive_one_who_is_killed(tmp_path):
