@@ -27,7 +27,7 @@ from sum_drake.modes import RIGHT
 from sum_drake.objects import Catalogue, load_catalogue
 from sum_drake.registration import FpfhConfig, FpfhEstimator
 from sum_drake.rendering import DepthRenderer
-from sum_drake.workers import one_thread_each
+from sum_drake.workers import belong_to_parent, one_thread_each
 
 RESULT = Path(__file__).parent / "results" / "fpfh_fit.json"
 START = FpfhConfig(voxel=0.005, feature_radius=0.03)
@@ -63,6 +63,10 @@ def hits(config: FpfhConfig, told: Catalogue, scenes: range) -> tuple[int, int, 
     return right, count, seconds
 
 
+def _ready() -> None:
+    """Nothing: a process starts with its first task."""
+
+
 def main() -> None:
     """Tries, prints and writes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -70,9 +74,13 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (default: 2)")
     options = parser.parse_args()
     rows = []
-    with tempfile.TemporaryDirectory() as folder, one_thread_each():
+    with tempfile.TemporaryDirectory() as folder:
         told = other_meshes(load_catalogue(), Path(folder), 0)
-        with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool:
+        with ProcessPoolExecutor(options.workers, get_context("spawn"), belong_to_parent) as pool:
+            with one_thread_each():
+                begun = [pool.submit(_ready) for _ in range(options.workers)]
+            for one in begun:
+                one.result()
 
             def share(config: FpfhConfig) -> float:
                 parts = [range(k, options.scenes, options.workers) for k in range(options.workers)]

@@ -12,6 +12,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from sum_drake.bench.ablations import VARIANTS
 from sum_drake.bench.pose_methods import METHODS
 from sum_drake.bench.results import SCHEMA
 from sum_drake.files import write_whole
@@ -48,8 +49,9 @@ def special(data: dict[str, Any]) -> str:
     settings = data["settings"]
     if settings.get("faults"):
         return "with faults"
-    if data["bench"] == "pose" and set(settings["methods"]) != set(METHODS):
-        return f"of {', '.join(settings['methods'])}"
+    for bench, parts, all_parts in (("pose", "methods", METHODS), ("ablations", "variants", VARIANTS)):
+        if data["bench"] == bench and set(settings[parts]) != set(all_parts):
+            return f"of {', '.join(settings[parts])}"
     return ""
 
 
@@ -63,6 +65,8 @@ def main() -> None:
         data = json.loads(file.read_text())
         if not name and data.get("schema") != SCHEMA:
             parser.error(f"{file}: of no bench; expected one's results, or FILE=NAME")
+        if data.get("done", 0) < data.get("runs", 0):
+            parser.error(f"{file}: {data['done']} of {data['runs']} runs are done; expected all")
         if data.get("quick"):
             parser.error(f"{file}: of the short form; expected a bench without --quick")
         if not name and special(data):

@@ -25,7 +25,7 @@ from sum_drake.files import PART, alone
 from sum_drake.fingerprint import different
 from sum_drake.json_shape import check_shape
 from sum_drake.jsonio import write_json
-from sum_drake.summary_schema import ATTEMPT, OBJECT
+from sum_drake.summary_schema import ATTEMPT, FAULT, LIMITS, OBJECT
 
 SCHEMA = "sum-drake/batch/1"
 WORK = ".work"
@@ -129,7 +129,9 @@ SUMMED: dict[str, Any] = {
     "objects_total": int, "objects_sorted": int, "objects_missorted": int, "manipulation_trials": int,
     "manipulation_errors": int, "timing": dict.fromkeys(COSTS, float | None),
 }  # fmt: skip
-"""The same, where there is a summary."""
+"""The same, of a run that came to its own end, and of others where there is a summary."""
+TOLD: dict[str, Any] = {"objects": [OBJECT], "attempts": [ATTEMPT]}
+"""Of episode.json alone, with a summary."""
 FIELDS = {
     "settings": {"objects": int}, "seeds": [int], "runs": int, "done": int, "figures": {str: float | None},
     "causes": {str: int}, "losses": [{"seed": int, "label": str, "place": str, "cause": str}], "episodes": [dict],
@@ -147,7 +149,7 @@ def read_batch(folder: Path) -> dict[str, Any]:
             raise ValueError(f"schema {data['schema']!r} is not {SCHEMA!r}")
         check_shape(data, FIELDS, "batch")
         for i, row in enumerate(data["episodes"]):
-            check_shape(row, _shape(row), f"batch.episodes[{i}]")
+            _check_row(row, SUMMED, f"batch.episodes[{i}]")
         if len(data["seeds"]) != 2:
             raise ValueError("seeds are not a first and a last one")
         check_shape(data.get("errors", {}), {str: int}, "batch.errors")
@@ -159,9 +161,14 @@ def read_batch(folder: Path) -> dict[str, Any]:
     return dict(data)
 
 
-def _shape(row: Mapping[str, Any], **told: Any) -> dict[str, Any]:
-    """Of a row of a run; told: what else there is where there is a summary."""
-    return ROW | (SUMMED | told if "objects_total" in row else {})
+def _check_row(row: Any, summed: Mapping[str, Any], where: str) -> None:
+    """Raises InputError for what is no row of a run; summed: what it holds of a summary, where there is one."""
+    check_shape(row, ROW, where)
+    if row["state"] == "ended" or "objects_total" in row:
+        check_shape(row, summed, where)
+    if row.get("limits") is not None:
+        check_shape(row["limits"], LIMITS, f"{where}.limits")
+    check_shape(row.get("faults", []), [FAULT], f"{where}.faults")
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:
@@ -173,7 +180,7 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
         row = json.loads(file.read_text())
         if row["schema"] != EPISODE:
             raise ValueError(f"schema {row['schema']!r} is not {EPISODE!r}")
-        check_shape(row, _shape(row, objects=[OBJECT], attempts=[ATTEMPT]), "episode")
+        _check_row(row, SUMMED | TOLD, "episode")
         if str(row["seed"]) != folder.name:
             raise ValueError(f"is of seed {row['seed']}")
     except (InputError, ValueError, KeyError, TypeError) as error:

@@ -87,7 +87,7 @@ class Cluster:
 
 def _installed(catalogue: Path | None) -> dict[str, str]:
     """What a run depends on but for its scenario: program, packages, weights and models, objects."""
-    return {**code_and_meshes(load_catalogue(catalogue)), **versions()}
+    return {**code_and_meshes(load_catalogue(catalogue), of_runs=True), **versions()}
 
 
 def _run_same(spec: EpisodeSpec, catalogue: Path | None, expected: Mapping[str, str]) -> Episode:

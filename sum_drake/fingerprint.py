@@ -15,12 +15,20 @@ DATA = (".json", ".mtl", ".obj", ".safetensors", ".sdf", ".urdf", ".xml", ".yaml
 """Suffixes of models, problems, scenes, scenarios and weights; pictures on objects are left out."""
 
 
-def code_and_meshes(catalogue: Catalogue) -> dict[str, str]:
-    """Settings that tell versions of the program, of what comes with it and of the objects apart."""
+def code_and_meshes(catalogue: Catalogue, *, of_runs: bool = False) -> dict[str, str]:
+    """Settings that tell versions of the program, of what comes with it and of the objects apart.
+
+    of_runs: by which a run may differ, `code_of_runs`.
+    """
     meshes = [catalogue.path]
     for model in catalogue.models:
         meshes += [model.mesh, *model.collision, *([] if model.sdf is None else [model.sdf])]
-    return {"catalogue": catalogue.path.name, "meshes": digest(meshes), "models": models(), "code": code()}
+    return {
+        "catalogue": catalogue.path.name,
+        "meshes": digest(meshes),
+        "models": models(),
+        "code": code_of_runs() if of_runs else code(),
+    }
 
 
 def code(package: Path = PACKAGE) -> str:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -50,10 +51,16 @@ class PoseWorkers:
             ProcessPoolExecutor(1, context, _begin, (catalogue, config, noise, device)) for _ in range(workers)
         ]
         self._known: list[set[str]] = [set() for _ in range(workers)]
+        self._asked: Sequence[Future[Any]] = ()
+        self._processes: Sequence[BaseProcess] = ()
         others = multiprocessing.active_children()
-        with one_thread_each():
-            self._asked: Sequence[Future[Any]] = [pool.submit(_ready) for pool in self._pools]
-            self._processes = [process for process in multiprocessing.active_children() if process not in others]
+        try:
+            with one_thread_each():
+                self._asked = [pool.submit(_ready) for pool in self._pools]
+                self._processes = [process for process in multiprocessing.active_children() if process not in others]
+        except BaseException:
+            self.close()  # which nobody else can yet
+            raise
 
     def __enter__(self) -> Self:
         return self

@@ -13,7 +13,7 @@ from sum_drake.types import Array, Immutable, Track
 GRASPS = 10
 """An object with fewer grasps than this promises less: the arm may not be able to do any of them."""
 RISKED = 0.2
-"""From this probability on that a neighbour falls off the table, all others are tried before."""
+"""From this probability on that a neighbour falls off the table, others are tried before."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ def in_order(prospects: Iterable[Prospect], policy: str, *, spare_neighbours: bo
 def passed_over(chosen: Prospect, prospects: Sequence[Prospect], policy: str) -> str:
     """Which objects the policy holds more of, and come after it for their neighbours' sake; "" for none.
 
-    prospects: `in_order`.
+    prospects: those that were not tried before it, `in_order`.
     """
     value = POLICIES[policy]
     after = prospects[prospects.index(chosen) + 1 :]

@@ -72,7 +72,7 @@ _FALSE_DETECTION = {
 """A row of an observation's `false_detections`, which summaries written before there was a detector do without."""
 _GONE = {"track": int, "label": str, "reason": str}
 """A row of an observation's `gone`, which older summaries do without, as they do without `faults`."""
-_FAULT = {
+FAULT = {
     "kind": str,
     "observation": int,
     "object": str | None,
@@ -80,7 +80,7 @@ _FAULT = {
     "dealt_with_after": int | None,
     "belief": str,
 }
-_LIMITS = {
+LIMITS = {
     "samples": int,
     "position_use": float,
     "speed_use": float,
@@ -142,9 +142,9 @@ def validate_summary(data: Any) -> None:
             if detection["fate"] not in FATES:
                 raise InputError(f"{where}[{j}].fate: {detection['fate']!r}; expected one of {', '.join(FATES)}")
         check_shape(row.get("gone", []), [_GONE], f"summary.observations[{i}].gone")
-    check_shape(data.get("faults", []), [_FAULT], "summary.faults")
+    check_shape(data.get("faults", []), [FAULT], "summary.faults")
     if data.get("limits") is not None:
-        check_shape(data["limits"], _LIMITS, "summary.limits")
+        check_shape(data["limits"], LIMITS, "summary.limits")
         check_shape(data["limits"].get("violated_by", {}), {str: int}, "summary.limits.violated_by")
     for i, row in enumerate(data["attempts"]):
         believed = row.get("believed")

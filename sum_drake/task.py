@@ -1,9 +1,10 @@
 """What to do next: the sorting task over the belief, as data about goals and regions.
 
-Accepted objects are tried in the order of a policy, until a motion is found for one; those last whose neighbours lean
-on them so near to an edge that they might fall off the table. Where there is none for any, an object that is in the way
-is moved to a free place on the table, or one that cannot be brought to its place as it is held is set down elsewhere to
-be grasped anew. Every object that is not attempted is told with what its grasps met.
+Accepted objects are tried in the order of a policy, until a motion is found for one; of those that it holds to be worth
+trying, those last whose neighbours lean on them so near to an edge that they might fall off the table. Where there is
+none for any, an object that is in the way is moved to a free place on the table, or one that cannot be brought to its
+place as it is held is set down elsewhere to be grasped anew. Every object that is not attempted is told with what its
+grasps met.
 """
 
 import dataclasses
@@ -130,7 +131,8 @@ class SortingTask:
             plan = self._attempting.plan(now, prospect, region)
             if isinstance(plan, PickPlan):
                 words = why(policy, prospect) + _in_the_way_of(prospect.track, refused, now.believed)
-                words += passed_over(prospect, prospects, policy)
+                tried = {one.track.id for one, _ in stuck}
+                words += passed_over(prospect, [one for one in prospects if one.track.id not in tried], policy)
                 return Pick(plan, prospect.track, region, (), "pick_place", words)
             refused.append(plan)
             stuck.append((prospect, plan))

@@ -24,6 +24,7 @@ def one_thread_each() -> Iterator[None]:
     """Processes that are spawned in the block have one thread each, and take no notice of Ctrl-C from their start on.
 
     In this process it, and SIGTERM, wait until the block is left: a process whose start is broken off complains of it.
+    So nothing is waited for in the block, and pools are made before it: one starts a process that unblocks signals.
     """
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     with _interrupts_wait():
@@ -52,7 +53,7 @@ def _interrupts_wait() -> Iterator[None]:
     waiting: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, frame: waiting.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)  # the last: Ctrl-C once more, `cli`
     }
     try:
         yield

@@ -246,7 +246,10 @@ def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     shutil.copytree(undisturbed, broken)
     row = json.loads((broken / "5" / "episode.json").read_text())
     less = {key: value for key, value in row.items() if key != "attempts"}
-    for text in ("{", '{"schema": "sum-drake/episode/1"}', json.dumps(row | {"seed": 6}), json.dumps(less)):
+    unlike = [row | {"limits": {"samples": 3}}, row | {"limits": 3}, row | {"faults": [{"kind": "taken"}]}]
+    without = {key: row[key] for key in ("schema", "seed", "state", "reason", "cpu_s", "peak_memory_mib")}
+    for damaged in ("{", {"schema": row["schema"]}, row | {"seed": 6}, less, without, *unlike):
+        text = damaged if isinstance(damaged, str) else json.dumps(damaged)
         (broken / "5" / "episode.json").write_text(text)
         assert "to run it again" in refused(capsys, *batch(broken))
     whole = told(undisturbed)

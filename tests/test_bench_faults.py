@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from deciding import CAN, believe
 from test_batch_figures import run
+from test_drawing import make_perception
 
 from sum_drake.batch import Processes
 from sum_drake.bench.faults import AIMS, SCENARIO, _invalid, bench_faults, fault_figures, invalid_beliefs
 from sum_drake.commands.batch import prepare
+from sum_drake.objects import load_catalogue
+from sum_drake.runlog import RunLogWriter
 from sum_drake.systems.scenario import load_scenario
-from sum_drake.types import SceneBelief, readonly
+from sum_drake.types import PoseBelief, SceneBelief, readonly
 
 
 def fault(kind, after, happened=True):
@@ -61,6 +64,21 @@ def test_runs_are_made_judged_and_told(tmp_path):
         tmp_path, specs, settings, Processes(2), quick=True, progress=lambda what, done, total: None
     )  # fmt: skip
     assert again["invalid_beliefs"] == 1 and "Runs with faults" in (tmp_path / "report.html").read_text()
+
+
+def test_a_log_with_a_pose_belief_that_is_none_is_found_out(tmp_path, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(PoseBelief, "__post_init__", lambda belief: None)  # as of a program that does not ask
+        perception = make_perception(0, load_catalogue())
+        first, *others = perception.posterior.tracks
+        unequal = PoseBelief(first.belief.X_WOs, readonly(2.0 * first.belief.weights))
+        tracks = (dataclasses.replace(first, belief=unequal), *others)
+        with RunLogWriter(tmp_path / "run.mcap", metadata={"seed": "7"}) as writer:
+            writer.write_perception(
+                dataclasses.replace(perception, posterior=dataclasses.replace(perception.posterior, tracks=tracks))
+            )
+    (said,) = invalid_beliefs(tmp_path / "run.mcap")
+    assert "run.mcap" in said and "weights sum to 2" in said
 
 
 def test_a_run_without_a_log_has_no_valid_belief(tmp_path):

@@ -1,5 +1,8 @@
+import multiprocessing
 import os
+import signal
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -75,6 +78,24 @@ def test_after_an_interrupt_nobody_waits_for_what_processes_are_at(seen, monkeyp
         workers.estimate_all(frame, requests(boxes))
     assert time.monotonic() - begun < 50.0
     assert not any(process.is_alive() for process in processes)
+
+
+def test_an_interrupt_while_processes_are_started_leaves_none(monkeypatch):
+    others, begun, submit = multiprocessing.active_children(), time.monotonic(), ProcessPoolExecutor.submit
+
+    def interrupted(pool, *task):
+        os.kill(os.getpid(), signal.SIGINT)
+        return submit(pool, *task)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", interrupted)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            PoseWorkers(CATALOGUE, FAST, 2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert [process for process in multiprocessing.active_children() if process not in others] == []
+    assert time.monotonic() - begun < 50.0
 
 
 @given(st.lists(st.lists(st.sampled_from(CATALOGUE.labels), max_size=10), min_size=1, max_size=4), st.integers(1, 4))

@@ -1,6 +1,7 @@
 import pytest
 
 from sum_drake.assets import MODELS, InputError
+from sum_drake.bench.ablations import VARIANTS
 from sum_drake.objects import CATALOGUE, load_catalogue
 from sum_drake.systems.scenario import SCENARIOS, catalogue_of, dump_scenario, load_scenario
 
@@ -19,8 +20,11 @@ def test_default_scenario_sorts_by_category_into_two_bins(catalogue):
     assert scenario.plant_config.time_step == 0.004
 
 
-def test_the_papers_filter_is_a_scenario(catalogue):
-    assert load_scenario(name="paper", catalogue=catalogue).filter == "paper"
+def test_the_paper_is_a_scenario(catalogue):
+    paper = load_scenario(name="paper", catalogue=catalogue)
+    assert (paper.filter, paper.task.policy, paper.task.spare_neighbours) == ("paper", "most_likely", False)
+    ablation = load_scenario(text=VARIANTS["paper_filter"].changes, catalogue=catalogue)
+    assert paper.acceptance == ablation.acceptance, "by a probability that knows this filter's estimates"
 
 
 def test_text_seed_and_count_go_over_the_file(catalogue):

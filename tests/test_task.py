@@ -148,6 +148,9 @@ def test_what_might_fall_off_the_table_goes_before_what_it_lies_on(x, order):
     tired = [tried(track.label, released=False) for track in tracks for _ in range(CONFIG.max_attempts)]
     look = make_task(config=MOST_LIKELY).decide(see({}, tracks), tired, 0, VIEW)
     assert [refused.label for refused in look.refused] == order
+    papers = dataclasses.replace(MOST_LIKELY, spare_neighbours=False)
+    look = make_task(config=papers).decide(see({}, tracks), tired, 0, VIEW)
+    assert [refused.label for refused in look.refused] == ["sugar", "mug", "tea"], "the likeliest first, come what may"
     mug = make_task(config=MOST_LIKELY).decide(see({}, tracks), tired[: 2 * CONFIG.max_attempts], 0, VIEW)
     assert isinstance(mug, Pick)
     assert mug.track.label == "mug"

@@ -25,6 +25,9 @@ if __name__ == "__main__":
 """
 
 
+HELD = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+
+
 def is_running(pid):
     try:
         os.kill(pid, 0)
@@ -75,13 +78,13 @@ def test_ctrl_c_is_for_the_one_who_started_them_from_their_start_on(tmp_path):
     assert len(workers) == 2 and not any(map(is_running, workers))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", HELD)
 def test_an_interrupt_waits_until_processes_are_started_whichever_thread_it_reaches(number):
     """Libraries keep threads, which have no part in this one's mask; a process started half shows its own traceback."""
     stop, said = threading.Event(), []
     library = threading.Thread(target=stop.wait)
     library.start()
-    before = {number: signal.signal(number, signal.default_int_handler) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, signal.default_int_handler) for number in HELD}
     try:
         with pytest.raises(KeyboardInterrupt), one_thread_each():
             os.kill(os.getpid(), number)

@@ -16,7 +16,7 @@ from sum_drake.assets import InputError
 from sum_drake.batch import Executor, brief, check_batch, made_by, read_batch, read_episodes, run_batch
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.bench.aims import number
-from sum_drake.bench.faults import dealt_with
+from sum_drake.bench.faults import dealt_with, fault_rows
 from sum_drake.bench.results import write_results
 from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec
@@ -180,7 +180,8 @@ INTERVALS = {"objects_sorted_share": ("", "objects_sorted"), "gain": ("+", "gain
 
 def _rows(rows: Mapping[str, Sequence[Row]]) -> list[dict[str, Any]]:
     told = [{"table": "run", "variant": name, **brief(row)} for name, of in rows.items() for row in of]
-    return told + [{"table": "loss", "variant": name, **loss} for name, of in rows.items() for loss in losses(of)]
+    told += [{"table": "loss", "variant": name, **loss} for name, of in rows.items() for loss in losses(of)]
+    return told + [{"variant": name, **fault} for name, of in rows.items() for fault in fault_rows(of)]
 
 
 def worth_table(found: Mapping[str, float | None]) -> list[tuple[str, ...]]:

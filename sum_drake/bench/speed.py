@@ -8,6 +8,7 @@ import multiprocessing
 import pstats
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from sum_drake.particles import Particles, poses
 from sum_drake.pose_workers import PoseWorkers
 from sum_drake.rendering import DepthRenderer, mesh_arrays
 from sum_drake.types import Array
-from sum_drake.workers import one_thread_each
+from sum_drake.workers import belong_to_parent, give_up, one_thread_each
 
 FILES = ("results.json", "report.html")
 PARTICLES, QUICK_PARTICLES = (625, 1250, 2500, 5000), (625, 2500)
@@ -270,8 +271,14 @@ def _by_objects(on: _On, counts: Sequence[int]) -> list[Row]:
 def _memory(catalogue: Catalogue) -> list[Row]:
     """Of a process that is ready for every label, and what getting ready takes."""
     context = multiprocessing.get_context("spawn")
-    with one_thread_each(), context.Pool(1) as pool:
-        return [pool.apply(_warm_all, (catalogue.path,))]
+    with ProcessPoolExecutor(1, context, belong_to_parent) as pool:
+        try:
+            with one_thread_each():
+                asked = pool.submit(_warm_all, catalogue.path)
+            return [asked.result()]
+        except BaseException:
+            give_up(pool)
+            raise
 
 
 def _warm_all(path: Path) -> Row:

@@ -66,7 +66,7 @@ def prepare(
     import hashlib
 
     from sum_drake.episodes import EpisodeSpec
-    from sum_drake.fingerprint import code_and_meshes, code_of_runs
+    from sum_drake.fingerprint import code_and_meshes
     from sum_drake.systems.scenario import catalogue_of, dump_scenario
 
     text, seedless = (dump_scenario(one) for one in (scenario, dataclasses.replace(scenario, random_seed=0)))
@@ -77,8 +77,7 @@ def prepare(
         "scenario": hashlib.sha256(seedless.encode()).hexdigest()[:16],
         "time_limit_s": time_limit_s,
         "memory_limit_mib": memory_mib,
-        **code_and_meshes(catalogue_of(scenario)),
-        "code": code_of_runs(),
+        **code_and_meshes(catalogue_of(scenario), of_runs=True),
     }
     return specs, settings
 
