@@ -125,6 +125,7 @@ class Attempting:
                     *[UNEXPLAINED] * len(now.hidden_W),
                     *(label for label, points_W in hidden for _ in points_W),
                 ],
+                reaches=self._arm.reaches,
             )
 
         def drag() -> tuple[Dragged, ...]:

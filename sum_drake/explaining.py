@@ -15,7 +15,7 @@ CAUSES = {
     "neighbour_palm": "with {} in the palm",
     "neighbour_approach": "with {} in the hand's way",
     "belief_too_wide": "hold for too little of the pose belief",
-    "outranked": "not tried, as better ones hold",
+    "outranked": "not tried, as better ones hold or can be reached",
     "start_in_collision": "not tried, the arm touches {} where it stands",
     "out_of_reach": "out of the arm's reach",
     "ik": "within reach, but no way to hold the arm",

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -34,7 +34,7 @@ approach_from_below: the approach direction is more than `max_tilt` away from st
 closer to the table than `table_clearance`; neighbour_finger, neighbour_palm, neighbour_approach: an obstacle point
 lies in or between the fingers, in the palm, or in the volume the hand sweeps on its way (counted as CAUSE_NAME where
 it is known whose point that is); belief_too_wide: the grasp holds for less than `min_survival` of the belief;
-outranked: it was not tried out on the belief, as better ones hold.
+outranked: it was not tried out on the belief, as better ones hold, or the arm is too short for it.
 """
 NEIGHBOUR_CAUSES = ("neighbour_finger", "neighbour_palm", "neighbour_approach")
 
@@ -52,11 +52,12 @@ class RankedGrasps(Immutable):
     gaps: Array
     """(n,): distance between the fingers during the approach; neighbours were tested with it, so open no wider."""
     scores: Array
-    """(n,)."""
+    """(n,); 0 where the arm is too short."""
     rejected_by: tuple[tuple[str, int], ...]
     """Number of candidates dropped for each of CAUSES."""
     holds: Array = dataclasses.field(default_factory=lambda: readonly(np.empty(0)))
-    """(n,): about the probability that the hand gets hold of the object, if it is one of the belief's particles."""
+    """(n,): about the probability that the hand gets hold of the object, if it is one of the belief's particles; 0
+    where the arm is too short."""
     X_WDs: Array = dataclasses.field(default_factory=lambda: readonly(np.empty((0, 4, 4))))
     """(d, 4, 4): a sample of the candidates that were dropped."""
     causes: tuple[str, ...] = ()
@@ -73,11 +74,13 @@ def rank_grasps(
     table_height: float,
     config: GraspConfig,
     owners: Sequence[str] | None = None,
+    reaches: Callable[[Array], bool] | None = None,
 ) -> RankedGrasps:
     """Drops the candidates that the scene forbids and orders the others, best first.
 
     A grasp that comes too close to the table is drawn back along its approach direction before it is dropped, so that
-    the grasps returned are not always among the candidates.
+    the grasps returned are not always among the candidates. What the arm is too short for comes last, so that it takes
+    no room among what is tried out; why it is no way to grasp is for the planner to say.
 
     Args:
         candidates: of `grasp_candidates(model, ...)`.
@@ -86,6 +89,7 @@ def rank_grasps(
         points_W: (m, 3) on surfaces that the hand must not touch: neighbours and unexplained depth.
         table_height: of the table's top, metres.
         owners: whose surface each of points_W is on, to be named where it is in the way; None: not told.
+        reaches: whether the arm is long enough for a hand at X_WG (4, 4); None: for all.
     """
     X_OGs = np.array([grasp.X_OG for grasp in candidates]).reshape(-1, 4, 4)
     widths = np.array([grasp.width for grasp in candidates])
@@ -133,7 +137,10 @@ def rank_grasps(
     balance = 1.0 / (1.0 + (weight * twist / borne_twist) ** 2 + (weight * across / borne_across) ** 2)
     room = np.clip(clearances.min(1) / 0.02, 0.0, 1.0)
     merit = config.weight_contact * qualities + config.weight_above * above + config.weight_room * room
-    scores = np.where(cause < 0, balance * np.maximum(merit, 0.0), -1.0)
+    near, left = np.ones(len(X_WGs)), cause < 0
+    if reaches is not None:
+        near[left] = [reaches(X_WG) for X_WG in X_WGs[left]]
+    scores = np.where(left, near * balance * np.maximum(merit, 0.0), -1.0)
 
     ranked = np.argsort(-scores, kind="stable")[: np.count_nonzero(cause < 0)]
     survival = np.ones(len(X_WGs))
@@ -155,7 +162,7 @@ def rank_grasps(
     )
     scores[best] *= 1.0 - config.weight_lift * (1.0 - room[best])
     scores *= survival
-    holds = survival * (1.0 - DOUBT * (1.0 - balance * qualities)) * (1.0 - DOUBT * (1.0 - room))
+    holds = near * survival * (1.0 - DOUBT * (1.0 - balance * qualities)) * (1.0 - DOUBT * (1.0 - room))
     order = best[np.argsort(-scores[best], kind="stable")]
     order = order[cause[order] < 0]
     X_OGs = inverse(X_WO) @ X_WGs

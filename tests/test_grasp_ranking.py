@@ -1,6 +1,7 @@
 """What a scene leaves of an object's grasps, and in which order."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -39,6 +40,7 @@ def _rank(
     spread: float = 0.0,
     owners: list[str] | None = None,
     config: GraspConfig = CONFIG,
+    reaches: Callable[[Array], bool] | None = None,
 ) -> RankedGrasps:
     X_WOs = np.tile(X_WO, (50, 1, 1))
     X_WOs[:, :3, 3] += np.random.default_rng(0).normal(0, spread, (50, 3))
@@ -51,6 +53,7 @@ def _rank(
         table_height=TABLE,
         config=config,
         owners=owners,
+        reaches=reaches,
     )
 
 
@@ -106,6 +109,25 @@ def test_off_the_middle_a_small_contact_counts_for_less(models: dict[str, Object
         return float(ranked.scores[0]) / quality
 
     assert off and all(share(0.4, grasp) < 0.8 * share(1.0, grasp) for grasp in off[:3])
+
+
+def test_what_the_arm_is_too_short_for_takes_no_room_among_what_is_tried_out(models: dict[str, ObjectModel]) -> None:
+    """The best of a long bar are at its middle, which is out of reach: its near end is tried all the same."""
+
+    def reaches(X_WG: Array) -> bool:
+        return bool(X_WG[1, 3] < -0.12)
+
+    few = dataclasses.replace(CONFIG, tried=5)
+    X_WO = _standing(models["bar"])
+    blind, seen = _rank(models["bar"], X_WO, config=few), _rank(models["bar"], X_WO, config=few, reaches=reaches)
+    assert not any(map(reaches, blind.X_WGs)) and all(map(reaches, seen.X_WGs))
+    whole = dataclasses.replace(CONFIG, tried=10_000)
+    ranked, told = (_rank(models["bar"], X_WO, config=whole, reaches=way) for way in (None, reaches))
+    near = [i for i, X_WG in enumerate(ranked.X_WGs) if reaches(X_WG)]
+    assert 0 < len(near) < len(ranked.grasps) == len(told.grasps)
+    np.testing.assert_array_equal(told.X_WGs[: len(near)], ranked.X_WGs[near], "among the others nothing changes")
+    assert told.scores[: len(near)].min() > 0 and not told.scores[len(near) :].any()
+    assert told.holds[: len(near)].min() > 0 and not told.holds[len(near) :].any()
 
 
 def test_neighbours_and_doubt_cost_grasps_and_say_so(models: dict[str, ObjectModel]) -> None:

@@ -187,6 +187,7 @@ def plan_pick(
         points_W=points_W,
         table_height=scenario.region("table").floor_height,
         config=scenario.grasp,
+        reaches=known.arm.reaches,
     )
     plan = plan_pick_place(
         arm=known.arm,
