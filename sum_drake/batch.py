@@ -76,7 +76,7 @@ def run_batch(
     """Runs what is missing of a batch; returns what batch.json then holds.
 
     settings: what the runs of a batch have in common. Raises InputError for a folder that holds a batch of other
-    settings, or that another batch is at.
+    settings, that another batch is at, or in which something else has the name of a run.
     """
     check_batch(out, settings)
     work = out / WORK
@@ -87,6 +87,9 @@ def run_batch(
         asked = {"objects_asked": settings["objects"]}
         rows = {spec.seed: row | asked for spec in specs if (row := read_episode(out / str(spec.seed))) is not None}
         left = [spec for spec in specs if spec.seed not in rows]
+        for folder in (out / str(spec.seed) for spec in left):
+            if folder.exists():  # runs are kept whole, so that it is nobody's here
+                raise InputError(f"{folder}: holds no episode.json; expected a run of the batch, or nothing")
         seeds = [spec.seed for spec in specs]
         begun_by = read_batch(out).get("commit") if (out / "batch.json").is_file() else commit()
         write = functools.partial(_write, out, settings, seeds, rows, begun_by)
@@ -214,7 +217,6 @@ def keep(episode: Episode, out: Path) -> None:
     if episode.reason:
         (folder / "log.txt").write_text(episode.log)
     write_json(folder / "episode.json", episode.row())
-    shutil.rmtree(out / str(episode.seed), ignore_errors=True)  # holds no episode.json
     folder.rename(out / str(episode.seed))
 
 

@@ -244,6 +244,9 @@ def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     assert "holds no batch" in refused(capsys, *batch(foreign))
     broken = tmp_path / "broken"
     shutil.copytree(undisturbed, broken)
+    (broken / "5" / "episode.json").rename(broken / "5" / "mine.json")
+    assert f"{broken / '5'}: holds no episode.json" in refused(capsys, *batch(broken))
+    (broken / "5" / "mine.json").rename(broken / "5" / "episode.json")
     row = json.loads((broken / "5" / "episode.json").read_text())
     less = {key: value for key, value in row.items() if key != "attempts"}
     unlike = [row | {"limits": {"samples": 3}}, row | {"limits": 3}, row | {"faults": [{"kind": "taken"}]}]
