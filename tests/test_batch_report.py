@@ -14,6 +14,11 @@ from sum_drake.batch_report import write_batch_report
 from sum_drake.cli import main
 from sum_drake.jsonio import write_json
 
+LIMITS = {
+    "samples": 1000, "position_use": 0.9, "speed_use": 0.9, "acceleration_use": 0.9, "effort_use": 0.9,
+    "violations": {"speed": 0},
+}  # fmt: skip
+
 
 def row(seed: int, done: int, *, total: int = 5) -> dict[str, Any]:
     objects = [
@@ -28,7 +33,7 @@ def row(seed: int, done: int, *, total: int = 5) -> dict[str, Any]:
     return {
         "seed": seed, "state": "ended", "reason": "", "outcome": "cleared", "objects_total": total,
         "objects_sorted": done, "objects_missorted": 0, "manipulation_trials": total, "manipulation_errors": 0,
-        "objects": objects, "attempts": attempts, "limits": {"violations": {"speed": 0}}, "cpu_s": 100.0 + seed,
+        "objects": objects, "attempts": attempts, "limits": LIMITS, "cpu_s": 100.0 + seed,
         "wall_s": 100.0, "peak_memory_mib": 700.0, "digest": f"{seed}-{done}",
         "timing": {"perception_cpu_s": 1.0, "planning_cpu_s": 2.0, "simulation_cpu_s": 3.0, "sim_time_s": 60.0},
     }  # fmt: skip

@@ -30,8 +30,8 @@ def names(kind: Any) -> list[str]:
     "listed",
     [
         summary_schema.OUTCOMES, summary_schema.FATES, pick_phases.REASONS, grasp_ranking.CAUSES, SYMMETRIES,
-        names(summary_schema._SUMMARY), names(summary_schema._FALSE_DETECTION), names(summary_schema._FAULT),
-        names(summary_schema._GONE), names(summary_schema._LIMITS), faults.KINDS, belief.ENDS, action_model.OUTCOMES,
+        names(summary_schema._SUMMARY), names(summary_schema._FALSE_DETECTION), names(summary_schema.FAULT),
+        names(summary_schema._GONE), names(summary_schema.LIMITS), faults.KINDS, belief.ENDS, action_model.OUTCOMES,
         reflex.CAUSES,
     ],
     ids=["outcomes", "fates", "reasons", "causes", "symmetries", "summary", "false detections", "faults", "gone",
