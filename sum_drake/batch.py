@@ -20,12 +20,12 @@ from sum_drake.assets import InputError, one_line
 from sum_drake.batch_figures import COSTS, batch_figures, causes, errors, losses
 from sum_drake.doctor import commit, device, versions
 from sum_drake.episodes import SCHEMA as EPISODE
-from sum_drake.episodes import Episode, EpisodeSpec, Running, run_episode
+from sum_drake.episodes import STATES, Episode, EpisodeSpec, Running, run_episode
 from sum_drake.files import PART, alone
 from sum_drake.fingerprint import different
 from sum_drake.json_shape import check_shape
 from sum_drake.jsonio import write_json
-from sum_drake.summary_schema import ATTEMPT, FAULT, LIMITS, OBJECT
+from sum_drake.summary_schema import ATTEMPT, FAULT, LIMITS, OBJECT, OUTCOMES
 
 SCHEMA = "sum-drake/batch/1"
 WORK = ".work"
@@ -89,7 +89,9 @@ def run_batch(
         left = [spec for spec in specs if spec.seed not in rows]
         for folder in (out / str(spec.seed) for spec in left):
             if folder.exists():  # runs are kept whole, so that it is nobody's here
-                raise InputError(f"{folder}: holds no episode.json; expected a run of the batch, or nothing")
+                raise InputError(
+                    f"{folder}: holds no episode.json; expected a run of the batch, or nothing: move it away"
+                )
         seeds = [spec.seed for spec in specs]
         begun_by = read_batch(out).get("commit") if (out / "batch.json").is_file() else commit()
         write = functools.partial(_write, out, settings, seeds, rows, begun_by)
@@ -117,6 +119,8 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: a file; expected a folder or a new name")
     if not file.is_file():
+        if any(out.glob("*/episode.json")):
+            raise InputError(f"--out {out}: lost the batch.json that tells what its runs are of; expected a new --out")
         if out.is_dir() and any(path.name != WORK and not path.name.endswith(PART) for path in out.iterdir()):
             raise InputError(f"--out {out}: exists and holds no batch; expected a new folder, or one of a batch")
         return
@@ -130,10 +134,10 @@ ROW: dict[str, Any] = {"seed": int, "state": str, "reason": str, "cpu_s": float,
 """Of episode.json, and of a row of batch.json, whatever became of the run."""
 SUMMED: dict[str, Any] = {
     "objects_total": int, "objects_sorted": int, "objects_missorted": int, "manipulation_trials": int,
-    "manipulation_errors": int, "timing": dict.fromkeys(COSTS, float | None),
+    "manipulation_errors": int, "timing": dict.fromkeys(COSTS, float | None), "outcome": str, "digest": str,
 }  # fmt: skip
 """The same, of a run that came to its own end, and of others where there is a summary."""
-TOLD: dict[str, Any] = {"objects": [OBJECT], "attempts": [ATTEMPT]}
+TOLD: dict[str, Any] = {"objects": [OBJECT], "attempts": [ATTEMPT], "versions": {str: str}, "device": str}
 """Of episode.json alone, with a summary."""
 FIELDS = {
     "settings": {"objects": int}, "seeds": [int], "runs": int, "done": int, "figures": {str: float | None},
@@ -147,31 +151,59 @@ def read_batch(folder: Path) -> dict[str, Any]:
     """batch.json of a folder. Raises InputError for one that cannot be read, is newer, or is not a batch's."""
     file = folder / "batch.json"
     try:
-        data = json.loads(file.read_text())
-        if data["schema"] != SCHEMA:
-            raise ValueError(f"schema {data['schema']!r} is not {SCHEMA!r}")
+        data = _read(file, SCHEMA, "batch")
         check_shape(data, FIELDS, "batch")
         for i, row in enumerate(data["episodes"]):
             _check_row(row, SUMMED, f"batch.episodes[{i}]")
         if len(data["seeds"]) != 2:
-            raise ValueError("seeds are not a first and a last one")
+            raise InputError(f"batch.seeds: {data['seeds']}; expected a first and a last one")
         check_shape(data.get("errors", {}), {str: int}, "batch.errors")
-        data["episodes"] = [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]
+        check_shape(data.get("commit"), str | None, "batch.commit")
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
-    except (InputError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{file}: {one_line(error)}; expected a batch's") from None
+    except InputError as error:
+        raise InputError(f"{file}: {error}: not as `batch` writes it; restore it, or take a new --out") from None
+    return data | {"episodes": [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]}
+
+
+def _read(file: Path, schema: str, where: str) -> dict[str, Any]:
+    """An object of JSON. Raises InputError for what is none, or of another schema, OSError for what cannot be read."""
+    try:
+        data = json.loads(file.read_text())
+    except ValueError as error:
+        raise InputError(f"no JSON ({one_line(error)})") from None
+    check_shape(data, {"schema": str}, where)
+    if data["schema"] != schema:
+        raise InputError(f"{where}.schema: {data['schema']!r}; expected {schema!r}")
     return dict(data)
 
 
 def _check_row(row: Any, summed: Mapping[str, Any], where: str) -> None:
     """Raises InputError for what is no row of a run; summed: what it holds of a summary, where there is one."""
     check_shape(row, ROW, where)
+    if row["state"] not in STATES:
+        raise InputError(f"{where}.state: {row['state']!r}; expected one of {', '.join(STATES)}")
+    for name in ("cpu_s", "peak_memory_mib"):
+        _check_least(row, name, where)
     if row["state"] == "ended" or "objects_total" in row:
         check_shape(row, summed, where)
+        for name in ("objects_missorted", "manipulation_trials", "manipulation_errors"):
+            _check_least(row, name, where)
+        if not 0 <= row["objects_sorted"] <= row["objects_total"]:
+            raise InputError(f"{where}.objects_sorted: {row['objects_sorted']}; expected 0 to {row['objects_total']}")
+        for i, attempt in enumerate(row["attempts"] if "attempts" in summed else ()):
+            if attempt["outcome"] not in OUTCOMES:
+                raise InputError(
+                    f"{where}.attempts[{i}].outcome: {attempt['outcome']!r}; expected one of {', '.join(OUTCOMES)}"
+                )
     if row.get("limits") is not None:
         check_shape(row["limits"], LIMITS, f"{where}.limits")
     check_shape(row.get("faults", []), [FAULT], f"{where}.faults")
+
+
+def _check_least(row: Mapping[str, Any], name: str, where: str) -> None:
+    if row[name] < 0:
+        raise InputError(f"{where}.{name}: {row[name]}; expected 0 or more")
 
 
 def read_episode(folder: Path) -> dict[str, Any] | None:
@@ -180,15 +212,13 @@ def read_episode(folder: Path) -> dict[str, Any] | None:
     if not file.is_file():
         return None
     try:
-        row = json.loads(file.read_text())
-        if row["schema"] != EPISODE:
-            raise ValueError(f"schema {row['schema']!r} is not {EPISODE!r}")
+        row = _read(file, EPISODE, "episode")
         _check_row(row, SUMMED | TOLD, "episode")
         if str(row["seed"]) != folder.name:
-            raise ValueError(f"is of seed {row['seed']}")
-    except (InputError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{file}: {one_line(error)}; expected an episode's: remove {folder} to run it again") from None
-    return dict(row)
+            raise InputError(f"episode.seed: {row['seed']}; expected {folder.name}, as the folder")
+    except InputError as error:
+        raise InputError(f"{file}: {error}: remove {folder} to run it again") from None
+    return row
 
 
 def read_episodes(folder: Path) -> list[dict[str, Any]]:

@@ -5,7 +5,8 @@ import dataclasses
 import logging
 import re
 import socket
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import time
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,12 +18,14 @@ from sum_drake.fingerprint import code_and_meshes, different
 from sum_drake.objects import load_catalogue
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://([^\s:/]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
 """Of a scheduler. What is none is not handed to `distributed`, which retries it and ends in a traceback."""
 CONNECT_S = 20.0
 """How long the scheduler may take to answer, seconds."""
+LOOK_S, ASK_S = 0.05, 5.0
+"""How often it is looked whether an episode has ended, and asked whether there are workers, seconds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,11 +40,44 @@ class Cluster:
     address: str
     catalogue: Path | None = None
     """Of the runs; None: the package's. Workers read it at the same path."""
+    patience_s: float = 60.0
+    """How long there may be no worker."""
 
     def check(self) -> None:
-        """Raises InputError for what is no address, where nobody answers, and where `distributed` is missing."""
-        with self._client():
-            pass
+        """Asks the scheduler, and every worker that is there, whether it can run what it will be sent.
+
+        Raises InputError for what is no address, where nobody answers or no worker comes, where `distributed` is
+        missing, and where something else is installed than here.
+        """
+        with self._client() as client:
+            try:
+                client.wait_for_workers(1, timeout=self.patience_s)
+            except TimeoutError:
+                raise InputError(f"--cluster {self.address}: has no worker; expected some: {self._how()}") from None
+            unfit = self._unfit(client)
+            if unfit:
+                raise InputError(f"--cluster {self.address}: {unfit}")
+
+    def _how(self) -> str:
+        return f"dask worker {self.address} --nthreads N"
+
+    def _unfit(self, client: "Client") -> str:
+        """Who of the cluster cannot run what it is sent, and why; "" where all can.
+
+        Asked outside of tasks: a task that a worker cannot unpickle, for want of this package, ends the worker.
+        """
+        here = _installed(self.catalogue)
+        try:
+            client.run_on_scheduler(versions)  # it reads tasks, too
+        except Exception as error:
+            return f"the scheduler fails: {one_line(error)}; expected sum-drake installed as here"
+        for address, there in client.run(_installed, self.catalogue, on_error="return").items():
+            if isinstance(there, Exception):
+                return f"worker {address} fails: {one_line(there)}; expected sum-drake installed as here"
+            other = different(there, here)
+            if other:
+                return f"worker {address} has {other}; expected what is installed here"
+        return ""
 
     @contextlib.contextmanager
     def _client(self) -> "Iterator[Client]":
@@ -62,19 +98,22 @@ class Cluster:
     def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
         """As `batch.Executor.run`; files come back over the network.
 
-        Raises InputError as `check` does, RuntimeError for a worker that cannot run what it is sent, and where
-        the scheduler goes away: what is the cluster's fault is no episode's result.
+        Raises InputError where the scheduler cannot be reached, RuntimeError for a worker that cannot run what it is
+        sent, and where the scheduler or all workers go away: what is the cluster's fault is no episode's result.
         """
         with self._client() as client:
-            from distributed import KilledWorker, as_completed
+            from distributed import KilledWorker
 
             here = _installed(self.catalogue)
             # Keys are the scheduler's, for all its clients: two batches may have runs of the same seed.
             futures = {client.submit(_run_same, spec, self.catalogue, here, pure=False): spec for spec in specs}
-            for future in as_completed(list(futures), loop=client.loop):
+            for future in self._as_they_end(client, list(futures)):
                 try:
                     episode = future.result()
                 except KilledWorker as error:
+                    unfit = self._unfit(client)  # one that came later may be what ended it
+                    if unfit:
+                        raise RuntimeError(f"{self.address}: {unfit}") from None
                     episode = lost(futures[future], one_line(error))
                 except CancelledError:
                     raise RuntimeError(f"{self.address}: the scheduler is gone; the same command goes on") from None
@@ -83,6 +122,26 @@ class Cluster:
                 yield episode
                 future.release()  # or its files stay in the memory of workers
                 del futures[future]
+
+    def _as_they_end(self, client: "Client", futures: "Iterable[Future]") -> "Iterator[Future]":
+        """Raises RuntimeError where there is no worker for too long: the scheduler waits for ever."""
+        from distributed import as_completed
+
+        ending = as_completed(futures, loop=client.loop)
+        asked = there = time.monotonic()
+        while not ending.is_empty():
+            yield from ending.next_batch(block=False)
+            now = time.monotonic()
+            if now > asked + ASK_S:
+                asked = now
+                with contextlib.suppress(OSError):  # then futures are cancelled, which says more
+                    if client.scheduler_info()["workers"]:
+                        there = now
+            if now > there + self.patience_s:
+                raise RuntimeError(
+                    f"{self.address}: no worker for {self.patience_s:g} s; the same command goes on: {self._how()}"
+                )
+            time.sleep(LOOK_S)
 
 
 def _installed(catalogue: Path | None) -> dict[str, str]:

@@ -158,11 +158,11 @@ def test_a_batch_that_has_just_begun_has_a_page(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "expected a batch's"),
-        ("[]", "expected a batch's"),
+        ("{", "restore it, or take a new --out"),
+        ("[]", "batch: list; expected an object: not as `batch` writes it"),
         (
             '{"schema": "sum-drake/batch/9"}',
-            "batch.json: schema 'sum-drake/batch/9' is not 'sum-drake/batch/1'; expected a batch's",
+            "batch.json: batch.schema: 'sum-drake/batch/9'; expected 'sum-drake/batch/1': not as `batch` writes it",
         ),
         ('{"schema": "sum-drake/batch/1"}', "settings"),
         ('{"schema": "sum-drake/batch/1", "settings": 3}', "batch.settings: int; expected an object"),

@@ -6,15 +6,18 @@ import socket
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from test_batch import batch, digests, episodes_of
+from test_batch import SHORT, batch, digests, episodes_of
 
 import sum_drake
+from sum_drake.assets import InputError
 from sum_drake.cli import main
-from sum_drake.cluster import _installed, _run_same
+from sum_drake.cluster import Cluster, _installed, _run_same
 from sum_drake.episodes import EpisodeSpec
+from sum_drake.systems.scenario import dump_scenario, load_scenario
 
 pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 pytestmark = [pytest.mark.cluster, pytest.mark.slow]
@@ -84,7 +87,7 @@ def test_a_batch_whose_scheduler_goes_away_ends_and_goes_on_elsewhere(scheduler,
     assert len(digests(out)) == 2
 
 
-def test_a_batch_ends_where_a_worker_has_another_program_and_goes_on_elsewhere(scheduler, tmp_path, monkeypatch):
+def test_a_worker_that_has_another_program_is_told_of_before_anything_is_run(scheduler, tmp_path, monkeypatch):
     address, start_worker, _ = scheduler
     package = Path(sum_drake.__file__).parent
     shutil.copytree(package, tmp_path / "other" / "sum_drake", ignore=shutil.ignore_patterns("models", "__pycache__"))
@@ -98,11 +101,45 @@ def test_a_batch_ends_where_a_worker_has_another_program_and_goes_on_elsewhere(s
     out = tmp_path / "out"
     command = [sys.executable, "-m", "sum_drake", *batch(out, "--cluster", address, runs=1)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 1
+    assert done.returncode == 2 and not out.exists()
     said = done.stderr.splitlines()[-1]
-    assert said.startswith(f"sum-drake: failed: {address}: a worker failed: ")
-    assert said.endswith("has another version of the program; expected what the batch was begun with")
-    assert main(batch(out, runs=1)) == 0 and len(digests(out)) == 1
+    assert said.startswith(f"sum-drake: --cluster {address}: worker tcp://127.0.0.1:")
+    assert said.endswith(" has another version of the program; expected what is installed here")
+
+
+def without_sum_drake(folder):
+    """A folder that, on PYTHONPATH, makes a Python in which the package is not installed."""
+    folder.mkdir()
+    (folder / "sitecustomize.py").write_text("import sys\nsys.modules['sum_drake'] = None\n")
+    return str(folder)
+
+
+def test_a_worker_without_the_program_is_told_of_before_anything_is_run(scheduler, tmp_path, monkeypatch):
+    address, start_worker, _ = scheduler
+    with monkeypatch.context() as patched:
+        patched.setenv("PYTHONPATH", without_sum_drake(tmp_path / "bare"))
+        bare = start_worker()
+    with pytest.raises(InputError, match=r"worker tcp://.* fails: .*sum_drake.*; expected sum-drake installed as here"):
+        Cluster(address).check()
+    assert bare.poll() is None, "the question ended it"
+
+
+def test_where_there_is_no_worker_it_is_said_how_to_have_one(scheduler, tmp_path):
+    address, start_worker, _ = scheduler
+    impatient = Cluster(address, patience_s=1.0)
+    with pytest.raises(InputError, match=f"has no worker; expected some: dask worker {address} --nthreads N"):
+        impatient.check()
+    worker, spec = start_worker(), EpisodeSpec(5, dump_scenario(load_scenario(text=SHORT, seed=5)), 300.0, 4096)
+    Cluster(address).check()
+    episodes = impatient.run([spec], tmp_path)
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(list, episodes)
+        while not episodes_of(worker.pid):
+            assert not running.done()
+            time.sleep(0.05)
+        worker.kill()
+        with pytest.raises(RuntimeError, match="no worker for 1 s; the same command goes on"):
+            running.result(timeout=60)
 
 
 def wait_for(condition, running):
