@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sum_drake.batch import made_by, read_episodes
+from sum_drake.batch_folder import made_by, read_episodes
 from sum_drake.jsonio import write_json
 from sum_drake.runlog_reader import read_what_there_is
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sum_drake.batch_figures import objects_of
+from sum_drake.batch_report import told_of
 from sum_drake.bench import ablations, detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.result_plots import (
@@ -68,7 +69,7 @@ def tables(results: Mapping[str, Mapping[str, Any]]) -> str:
             lines += _figures(data, sort.aims_for(rows_of(data, "run")) if name == "sort" else aims)
         lines += ["", *_lost(rows_of(data, "loss"), rows_of(data, "error"))]
         seeds = ", ".join(f"{what} {seed}" for what, seed in data["seeds"].items())
-        lines += ["", *(f"{sort.told_of(batch)}\n" for batch in _batches(data))]
+        lines += ["", *(f"{told_of(batch)}\n" for batch in _batches(data))]
         of = f"Commit {data['commit']}. " if data.get("commit") else ""
         lines += [f"{of}On {data['device']}; {_packages(data)}; seeds: {seeds}.", ""]
     for name, (title, aims) in BATCHES.items():
@@ -163,7 +164,7 @@ def _batch(title: str, aims: Aims, data: Mapping[str, Any], plots: Sequence[str]
     """What a batch has come to, and what it lost. plots: lines that show them."""
     lines = [f"## {title}", "", f"`sum-drake {_batch_command(data)}`", "", *plots, *_figures(data, aims), ""]
     lines += _lost(data["losses"], [{"cause": cause, "trials": n} for cause, n in data.get("errors", {}).items()])
-    return [*lines, sort.told_of(data), "", f"With {_packages(data)}.", ""]
+    return [*lines, told_of(data), "", f"With {_packages(data)}.", ""]
 
 
 def _lost(losses: Sequence[Mapping[str, Any]], errors: Sequence[Mapping[str, Any]]) -> list[str]:

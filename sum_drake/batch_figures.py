@@ -80,7 +80,7 @@ def losses(rows: Sequence[Row]) -> list[dict[str, Any]]:
     found = []
     for row in rows:
         if "objects_total" not in row:
-            lost = {"seed": row["seed"], "label": "any", "place": "unknown", "cause": f"the run {row['state']}"}
+            lost = {"seed": row["seed"], "label": "any", "place": "unknown", "cause": RUN_LOST[row["state"]]}
             found += [lost] * objects_of(row)
         for one in row.get("objects", ()):
             if one["goal"] not in ("leave", one["place"]):
@@ -89,9 +89,16 @@ def losses(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return found
 
 
+RUN_LOST = {
+    "failed": "the run failed", "crashed": "the run crashed", "timed_out": "the run timed out",
+    "lost": "the cluster lost the run",
+}  # fmt: skip
+"""What took the objects of a run that did not come to its own end, by `episodes.STATES`."""
+
+
 def _cause(label: str, row: Row) -> str:
     if row["state"] != "ended":
-        return f"the run {row['state']}"
+        return RUN_LOST[row["state"]]
     knocked = [a["label"] for a in row["attempts"] if label in a["knocked_off"]]
     tried = [a for a in row["attempts"] if label in (a["label"], a["object"])]
     executed = [a for a in tried if a["outcome"] not in ("infeasible", "moved")]

@@ -1,15 +1,16 @@
 """A batch, or two side by side, as one HTML page that opens without a network."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from sum_drake import page
-from sum_drake.batch import read_batch
 from sum_drake.batch_figures import Row, paired_difference, pairs
+from sum_drake.batch_folder import read_batch
 from sum_drake.files import write_whole
 from sum_drake.fingerprint import different
-from sum_drake.report_parts import seconds
+from sum_drake.report_parts import count, seconds
 
 SURE = 0.05
 """What chance gives more often is not told as a difference."""
@@ -37,34 +38,36 @@ def write_batch_report(folders: Sequence[Path], out: Path) -> Path:
 def _one(name: str, batch: Batch, folder: Path | None) -> str:
     """folder: the batch's, if the page goes there and can lead to what is in it."""
 
-    def seed(row: Row) -> str:
-        told = page.text(str(row["seed"]))
-        there = folder is not None and (folder / told / "report.html").is_file()
-        return f'<a href="{told}/report.html">{told}</a>' if there else told
-
-    rows = [[seed(row), *_run(row), _reason(row)] for row in batch["episodes"]]
+    rows = []
+    for row in batch["episodes"]:
+        run = str(row["seed"])
+        reason = page.text(_reason(row))
+        if folder is not None and (folder / run / "log.txt").is_file():
+            reason += f' (<a href="{run}/log.txt">what it said last</a>)'
+        rows.append([link(row["seed"], run, folder), *_run(row), reason])
     return page.page(
         f"Batch {name}",
         [
             f"<h1>Batch {page.text(name)}</h1>",
             _head(batch),
-            _tiles(batch),
+            tiles(batch["figures"]),
             "<h2>Figures</h2>",
-            page.table(["of", "figure"], [[page.text(_words(k)), _number(v)] for k, v in batch["figures"].items()]),
+            page.table(["figure", "value"], [[page.text(_words(k)), _number(v)] for k, v in batch["figures"].items()]),
             "<h2>What was lost</h2>",
             _losses([batch]),
             *_errors([batch]),
             "<h2>Runs</h2>",
             page.table(["seed", "sorted", "trials", "CPU", "reason"], rows) if rows else "<p>None is done.</p>",
             "<h2>Made with</h2>",
-            f"<p>{page.text(_made_with(batch))}</p>",
+            made_of([batch]),
         ],
     )
 
 
 def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
     heads = "".join(
-        f'<div><section class="head"><p><b>{of}</b> {page.text(name)}</p></section>{_head(batch)}{_tiles(batch)}</div>'
+        f'<div><section class="head"><p><b>{of}</b> {page.text(name)}</p></section>{_head(batch)}'
+        f"{tiles(batch['figures'])}</div>"
         for of, name, batch in zip("AB", names, (a, b), strict=True)
     )
     return page.page(
@@ -82,19 +85,47 @@ def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
             "<h2>Runs that differ</h2>",
             _differing(a, b),
             "<h2>Made with</h2>",
-            *(f"<p>{of}: {page.text(_made_with(batch))}</p>" for of, batch in zip("AB", (a, b), strict=True)),
+            *(f"<h3>{of}</h3>{made_of([batch])}" for of, batch in zip("AB", (a, b), strict=True)),
         ],
     )
+
+
+def told_of(batch: Batch) -> str:
+    """What a batch was made of and with, as `batch_folder.made_by` tells it, in words."""
+    (first, last), done = batch["seeds"], batch["done"]
+    seeds = f"seed {first}" if first == last else f"seeds {first} to {last}"
+    told = f"{count(done, 'run')} of {count(batch['settings']['objects'], 'object')}, {seeds}"
+    told += "" if done == batch["runs"] else f" of which {batch['runs'] - done} are not done"
+    return f"{told}; commit {batch.get('commit') or 'unknown'}, on {batch['device']}."
+
+
+def made_of(batches: Iterable[Batch], *, quick: bool = False) -> str:
+    """What the figures of a page are of, HTML: `told_of` each batch, and the packages. quick: of short forms."""
+    batches = list(batches)
+    said = dict.fromkeys(told_of(batch) for batch in batches)
+    said |= dict.fromkeys(f"With {_packages(batch)}." for batch in batches)
+    short = "<p>" + page.chip("the short form: too few runs to tell anything by", "poor") + "</p>" if quick else ""
+    return short + "".join(f"<p>{page.text(line)}</p>" for line in said)
+
+
+def link(seed: int, run: str, within: Path | None) -> str:
+    """A run's seed, HTML, that leads to its report where there is one.
+
+    run: the run's folder as the page, in folder `within`, has it; None: the page cannot lead to it.
+    """
+    there = within is not None and (within / run / "report.html").is_file()
+    return f'<a href="{page.text(quote(run))}/report.html">{seed}</a>' if there else str(seed)
 
 
 def _head(batch: Batch) -> str:
     first, last = batch["seeds"]
     done = "" if batch["done"] == batch["runs"] else f"; {batch['done']} of them are done"
-    return f"<p>{batch['runs']} runs, seeds {first} to {last}{done}</p>"
+    seeds = f"seed {first}" if first == last else f"seeds {first} to {last}"
+    return f"<p>{count(batch['runs'], 'run')}, {seeds}{done}</p>"
 
 
-def _tiles(batch: Batch) -> str:
-    figures = batch["figures"]
+def tiles(figures: Mapping[str, float | None]) -> str:
+    """What matters most of `batch_figures`, large; HTML."""
     low, high = figures.get("objects_sorted_low95"), figures.get("objects_sorted_high95")
     interval = "" if low is None or high is None else f", {low:.3f} to {high:.3f}"
 
@@ -148,7 +179,7 @@ def _figures(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
         differs = in_a is not None and in_b is not None and in_a != in_b
         mark = page.chip(f"{float(in_b or 0) - float(in_a or 0):+.4g}", "plain") if differs else ""
         rows.append([page.text(_words(key)), _number(in_a), _number(in_b), mark])
-    return page.table(["of", "A", "B", "B against A"], rows)
+    return page.table(["figure", "A", "B", "B against A"], rows)
 
 
 def _losses(batches: Sequence[Batch]) -> str:
@@ -183,7 +214,7 @@ def _differing(a: Batch, b: Batch) -> str:
         ends = [page.chip("not there", "plain") if one is None else _run(one)[0] for one in (x, y)]
         gain = 0 if x is None or y is None else y.get("objects_sorted", 0) - x.get("objects_sorted", 0)
         mark = page.chip(f"{gain:+d}", "good" if gain > 0 else "bad") if gain else ""
-        rows.append([str(seed), *ends, mark, *("" if one is None else _reason(one) for one in (x, y))])
+        rows.append([str(seed), *ends, mark, *("" if one is None else page.text(_reason(one)) for one in (x, y))])
     heads = ["seed", "sorted in A", "in B", "B against A", "A ended", "B ended"]
     return page.table(heads, rows) if rows else "<p>None.</p>"
 
@@ -198,7 +229,7 @@ def _run(row: Row) -> tuple[str, str, str]:
 
 
 def _reason(row: Row) -> str:
-    return page.text(str(row.get("reason") or row.get("outcome") or row["state"]))
+    return str(row.get("reason") or row.get("outcome") or row["state"])
 
 
 def _words(figure: str) -> str:
@@ -209,8 +240,6 @@ def _number(value: Any) -> str:
     return "" if value is None else f"{value:.4g}"
 
 
-def _made_with(batch: Batch) -> str:
-    names = [
-        f"{name} {batch['versions'][name]}" for name in ("sum-drake", "drake", "python") if name in batch["versions"]
-    ]
-    return ", ".join([*names, batch["device"]])
+def _packages(batch: Batch) -> str:
+    versions = batch.get("versions") or {}
+    return ", ".join(f"{name} {versions[name]}" for name in ("sum-drake", "drake", "python") if name in versions)

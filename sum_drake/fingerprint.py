@@ -64,5 +64,8 @@ def different(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
         "code": "another version of the program", "meshes": "other meshes", "models": "other models",
         "scenario": "another scenario",
     }  # fmt: skip
+    options = {"first_seed": "--first-seed", "time_limit_s": "--time-limit", "memory_limit_mib": "--memory-limit"}
     keys = [key for key in settings if begun.get(key) != settings[key]]
-    return ", ".join(words.get(key, f"{key} {begun.get(key)} and not {settings[key]}") for key in keys)
+    return ", ".join(
+        words.get(key, f"{options.get(key, key)} {begun.get(key)} and not {settings[key]}") for key in keys
+    )

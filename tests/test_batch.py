@@ -14,7 +14,7 @@ import pytest
 from refusals import refused
 
 from sum_drake import episodes
-from sum_drake.batch import read_episodes
+from sum_drake.batch_folder import read_episodes
 from sum_drake.cli import main
 from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec, Running, run_episode
@@ -169,7 +169,11 @@ def test_a_batch_in_which_every_run_dies_is_told_like_others(tmp_path, capsys):
     assert (figures["objects"], figures["objects_sorted_share"], figures["runs_complete_share"]) == (2, 0.0, 0.0)
     assert (out / "5" / "log.txt").is_file()
     said = capsys.readouterr().out
-    assert "2 runs: 0 of 2 objects sorted, 0.000" in said and "lost: 2 the run timed_out" in said
+    assert (
+        "2 runs: 0 of 2 objects sorted, 0.000" in said
+        and "lost: 2, the run timed out" in said
+        and f"sum-drake report {out}" in said
+    )
 
 
 def test_a_run_that_is_refused_and_one_that_is_killed_are_results(tmp_path):

@@ -8,8 +8,8 @@ import pytest
 from test_report import Page
 
 from sum_drake.assets import InputError
-from sum_drake.batch import read_batch
 from sum_drake.batch_figures import batch_figures, causes, errors, losses, paired_difference
+from sum_drake.batch_folder import read_batch
 from sum_drake.batch_report import write_batch_report
 from sum_drake.cli import main
 from sum_drake.jsonio import write_json

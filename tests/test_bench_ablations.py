@@ -6,7 +6,8 @@ import pytest
 from test_batch_figures import attempt, run
 
 from sum_drake.assets import InputError
-from sum_drake.batch import Processes, read_batch
+from sum_drake.batch import Processes
+from sum_drake.batch_folder import read_batch
 from sum_drake.bench.ablations import DEFAULT, FIGURES, VARIANTS, bench_ablations, figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare

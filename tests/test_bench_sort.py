@@ -7,7 +7,8 @@ from refusals import refused
 from test_batch_figures import attempt, run
 
 from sum_drake.assets import InputError
-from sum_drake.batch import Processes, read_episodes
+from sum_drake.batch import Processes
+from sum_drake.batch_folder import read_episodes
 from sum_drake.bench.sort import AIMS, PAPER, aims_for, bench_sort, read_batches, sort_figures
 from sum_drake.cli import main
 from sum_drake.commands.batch import prepare
@@ -94,6 +95,6 @@ def test_a_run_counts_once_and_the_page_says_what_the_runs_were_of(tmp_path, cap
         tmp_path / "out", specs, settings, Processes(1), [tmp_path / "a"], usual=lambda count: settings, quick=True,
         progress=lambda what, done, total: None,
     )  # fmt: skip
-    assert "1 runs of 1 objects, seeds 5 to 5; commit" in (tmp_path / "out" / "report.html").read_text()
+    assert "1 run of 1 object, seed 5; commit" in (tmp_path / "out" / "report.html").read_text()
     data = json.loads((tmp_path / "out" / "results.json").read_text())
     assert [made["seeds"] for made in data["settings"]["batches"]] == [[5, 5]]

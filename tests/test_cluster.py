@@ -70,7 +70,7 @@ def test_an_episode_that_takes_its_workers_along_is_a_result(scheduler, tmp_path
     assert running.wait(timeout=300) == 0
     row = json.loads((out / "5" / "episode.json").read_text())
     assert row["state"] == "lost" and "worker" in row["reason"]
-    assert json.loads((out / "batch.json").read_text())["causes"] == {"the run lost": 1}
+    assert json.loads((out / "batch.json").read_text())["causes"] == {"the cluster lost the run": 1}
 
 
 def test_a_batch_whose_scheduler_goes_away_ends_and_goes_on_elsewhere(scheduler, tmp_path):

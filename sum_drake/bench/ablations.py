@@ -7,17 +7,20 @@ of runs of the same seed, which are of the same pour.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, brief, check_batch, made_by, read_batch, read_episodes, run_batch
+from sum_drake.batch import Executor, check_batch, run_batch
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
+from sum_drake.batch_folder import brief, made_by, read_batch, read_episodes
+from sum_drake.batch_report import link, made_of
 from sum_drake.bench.aims import number
 from sum_drake.bench.faults import dealt_with, fault_rows
 from sum_drake.bench.results import write_results
+from sum_drake.bench.sort import by_cause, every_loss
 from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
@@ -116,6 +119,7 @@ def bench_ablations(
     out.mkdir(parents=True, exist_ok=True)
     seeds = {spec.seed for spec in specs}
     found: dict[str, float] = {}
+    made: dict[str, dict[str, Any]] = {}
     for name in names:
 
         def told(what: str, done: int, total: int, name: str = name) -> None:
@@ -125,11 +129,11 @@ def bench_ablations(
             run_batch(folders[name], *jobs[name], executor, told)
         rows[name] = [row for row in read_episodes(folders[name]) if row["seed"] in seeds]
         found = figures(rows)
-        write_whole(out / "report.html", _page(rows, found))
+        made[name] = made_by(folders[name])
+        write_whole(out / "report.html", _page(out, folders, rows, found, made.values(), quick=quick))
     # At the end alone: a bench whose results.json is there counts as done.
     same = {key: value for key, value in common.items() if key != "scenario"}
     changes = {name: VARIANTS[name].changes for name in names}
-    made = {name: made_by(folder) for name, folder in folders.items()}
     write_results(
         out, "ablations", quick=quick,
         settings={**same, "faults": faults, "variants": changes, "default": made[DEFAULT]},
@@ -215,13 +219,21 @@ def worth_table(found: Mapping[str, float | None]) -> list[tuple[str, ...]]:
     return [heads, *((name, VARIANTS[name].words, *(cell(name, column) for column in columns)) for name in names)]
 
 
-def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
+def _page(
+    out: Path,
+    folders: Mapping[str, Path],
+    rows: Mapping[str, Sequence[Row]],
+    found: Mapping[str, float],
+    made: Iterable[Mapping[str, Any]],
+    *,
+    quick: bool,
+) -> str:
+    """folders: of the batches that the rows, by variant, are of."""
     heads, *table = worth_table(found)
-    lost = [
-        (page.text(name), page.text(cause), str(count))
-        for name, of in rows.items()
-        for cause, count in causes(of).items()
-    ]
+
+    def lead(name: str, seed: int) -> str:
+        return link(seed, f"{name}/{seed}", out if folders[name].parent == out else None)
+
     return page.page(
         "Ablations",
         [
@@ -229,8 +241,10 @@ def _page(rows: Mapping[str, Sequence[Row]], found: Mapping[str, float]) -> str:
             "<p>The same pours, sorted with one thing changed of what a variant is compared with. Gain: of the "
             "objects, how many more are sorted than by that, over pairs of runs; in brackets, 95 % intervals; p: how "
             "often signs drawn at random make as large a difference.</p>",
+            made_of(made, quick=quick),
             page.table(heads, [tuple(map(page.text, row)) for row in table]),
             "<h2>What was lost, by cause</h2>",
-            page.table(("variant", "cause", "objects"), lost) if lost else "<p>Nothing.</p>",
+            by_cause({name: causes(of) for name, of in rows.items()}),
+            every_loss(rows, lead, "variant"),
         ],
     )  # fmt: skip

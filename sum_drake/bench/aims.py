@@ -43,10 +43,11 @@ def figure_table(found: Mapping[str, float], aims: Aims) -> str:
 
 
 def format_figures(found: Mapping[str, float], aims: Aims) -> str:
-    """The figures as aligned text, with what they are to reach."""
+    """The figures as aligned text, with what they are to reach; "-" for what cannot be told."""
     width = max(map(len, found), default=0)
     lines = []
     for name, value in found.items():
         words = aim(aims, name, value)
-        lines.append(f"{name:{width}}  {value:8.3f}" + (f"  {words}" if words else ""))
+        shown = "-" if math.isnan(value) else f"{value:.3f}"
+        lines.append(f"{name:{width}}  {shown:>8}" + (f"  {words}" if words else ""))
     return "\n".join(lines)

@@ -11,9 +11,11 @@ import numpy as np
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, Progress, brief, made_by, read_episodes, run_batch
-from sum_drake.batch_figures import Row, causes, errors, known_figures, losses
-from sum_drake.bench.aims import Aims, figure_table, number
+from sum_drake.batch import Executor, Progress, run_batch
+from sum_drake.batch_figures import Row, batch_figures, causes, errors, known_figures, losses
+from sum_drake.batch_folder import brief, made_by, read_episodes
+from sum_drake.batch_report import link, made_of, tiles
+from sum_drake.bench.aims import Aims, figure_table
 from sum_drake.bench.results import write_results
 from sum_drake.bench.sort import by_cause
 from sum_drake.episodes import EpisodeSpec
@@ -56,10 +58,11 @@ def bench_faults(
         + [{"table": "loss", **loss} for loss in losses(runs)]
         + [{"table": "error", "cause": cause, "trials": trials} for cause, trials in errors(runs).items()]
     )
-    write_whole(out / "report.html", _page(runs, found, rows))
+    made = made_by(out / "runs")
+    write_whole(out / "report.html", _page(out, runs, found, rows, made, quick=quick))
     write_results(
         out, "faults", quick=quick, settings=settings, seeds={"first": specs[0].seed}, figures=found, rows=rows,
-        batches=[made_by(out / "runs")],
+        batches=[made],
     )  # fmt: skip
     return found
 
@@ -117,19 +120,32 @@ def _invalid(belief: SceneBelief) -> Iterator[str]:
             yield f"track {track.id} is nowhere"
 
 
-def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mapping[str, Any]]) -> str:
+def _page(
+    out: Path,
+    runs: Sequence[Row],
+    found: Mapping[str, float],
+    rows: Sequence[Mapping[str, Any]],
+    made: Mapping[str, Any],
+    *,
+    quick: bool,
+) -> str:
     faults = [row for row in rows if row["table"] == "fault"]
+
+    def lead(row: Mapping[str, Any]) -> str:
+        return link(row["seed"], f"runs/{row['seed']}", out)
+
     parts = [
         "<h1>Runs with faults</h1>",
         "<p>Things slip, are dropped, swept, taken and added; camera and detector fail.</p>",
-        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
+        tiles(batch_figures(runs)),
+        made_of([made], quick=quick),
         figure_table(found, AIMS),
         "<h2>Runs</h2>",
         page.table(
             ("seed", "how it ended", "outcome", "sorted"),
             [
                 (
-                    str(row["seed"]),
+                    lead(row),
                     page.text(row["state"] + (f": {row['reason']}" if row["reason"] else "")),
                     page.text(row.get("outcome", "")),
                     f"{row.get('objects_sorted', 0)} of {row.get('objects_total', '?')}",
@@ -142,7 +158,7 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
             ("seed", "look", "fault", "object", "dealt with after", "what the belief says"),
             [
                 (
-                    str(row["seed"]),
+                    lead(row),
                     str(row["observation"]),
                     page.text(row["kind"].replace("_", " ")),
                     page.text(row["object"] or ""),
@@ -160,7 +176,10 @@ def _page(runs: Sequence[Row], found: Mapping[str, float], rows: Sequence[Mappin
         page.table(
             ("seed", *KINDS),
             [
-                (str(row["seed"]), *(str(row["limits"]["violations"].get(kind, 0)) for kind in KINDS))
+                (
+                    lead(row),
+                    *(str(row["limits"]["violations"].get(kind, 0)) for kind in KINDS),
+                )
                 for row in runs
                 if row.get("limits") and any(row["limits"]["violations"].values())
             ],

@@ -10,13 +10,16 @@ from typing import Any
 
 from sum_drake import page
 from sum_drake.assets import InputError
-from sum_drake.batch import Executor, Progress, brief, made_by, read_batch, read_episodes, run_batch
-from sum_drake.batch_figures import Row, causes, errors, known_figures, losses, objects_of
-from sum_drake.bench.aims import Aims, figure_table, number
+from sum_drake.batch import Executor, Progress, run_batch
+from sum_drake.batch_figures import Row, batch_figures, causes, errors, known_figures, losses, objects_of
+from sum_drake.batch_folder import brief, made_by, read_batch, read_episodes
+from sum_drake.batch_report import link, made_of, tiles
+from sum_drake.bench.aims import Aims, figure_table
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
 from sum_drake.fingerprint import different
+from sum_drake.report_parts import count
 
 FILES = ("results.json", "report.html", "sequences")
 AIMS: Aims = {
@@ -31,6 +34,7 @@ AIMS: Aims = {
     "objects_sorted_share_10": ("at least", 0.93),
 }
 """Of many pours: eight sequences alone cannot show them."""
+SEQUENCE = "sequences"
 SEQUENCES, OBJECTS = 8, 5
 """How many, of how many objects each: the paper's."""
 PAPER: dict[str, tuple[float, ...]] = {
@@ -67,10 +71,11 @@ def bench_sort(
         rows += [{"table": "loss", "of": kind, **loss} for loss in losses(of)]
         rows += [{"table": "error", "of": kind, "cause": cause, "trials": n} for cause, n in errors(of).items()]
     told = [made_by(folder) for folder in batches]
-    write_whole(out / "report.html", _page(sequences, larger, found, told))
+    own = made_by(out / "sequences")
+    write_whole(out / "report.html", _page(out, sequences, larger, found, [own, *told], quick=quick))
     write_results(
         out, "sort", quick=quick, settings={**settings, "batches": told},
-        seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows, batches=[made_by(out / "sequences")],
+        seeds={"first_sequence": specs[0].seed}, figures=found, rows=rows, batches=[own],
     )  # fmt: skip
     return found
 
@@ -101,13 +106,13 @@ def read_batches(folders: Sequence[Path], usual: Callable[[int], Mapping[str, An
 
 
 def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, float]:
-    """Figures of the sequences, `sequences_*`, and of the runs of five objects, and of ten, `*_10`.
+    """Figures of the sequences, `sequences_*`, of the runs of five objects, and of those of so many others, as `*_10`.
 
-    Without larger batches the sequences are the runs.
+    Without runs of five in larger batches the sequences are they.
     """
     kinds = by_kind(sequences, larger)
-    five = kinds.get(f"{OBJECTS} objects", sequences)
-    ten = kinds.get("10 objects", [])
+    five = kinds.get(_kind(OBJECTS), sequences)
+    others = [number for number in _numbers(larger) if number != OBJECTS]
     return {
         **known_figures(five),
         "sequences": len(sequences),
@@ -115,66 +120,75 @@ def sort_figures(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, f
         "sequences_objects_sorted": sum(row.get("objects_sorted", 0) for row in sequences),
         "sequences_trials": sum(row.get("manipulation_trials", 0) for row in sequences),
         "sequences_errors": sum(row.get("manipulation_errors", 0) for row in sequences),
-        **({f"{name}_10": value for name, value in known_figures(ten).items()} if ten else {}),
+        **{
+            f"{name}_{number}": value
+            for number in others
+            for name, value in known_figures(kinds[_kind(number)]).items()
+        },
     }
 
 
 def aims_for(larger: Sequence[Row]) -> Aims:
     """What is asked of the runs that there are, beside the sequences."""
-    asked = {row["objects_asked"] for row in larger}
+    asked = _numbers(larger)
     return {name: of for name, of in AIMS.items() if (10 if name.endswith("_10") else OBJECTS) in asked}
 
 
 def by_kind(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, list[Row]]:
     """What is told apart: `sequences`, and the runs of batches by their number of objects, as `5 objects`."""
-    numbers = sorted({row["objects_asked"] for row in larger})
-    batches = {f"{number} objects": [row for row in larger if row["objects_asked"] == number] for number in numbers}
-    return {"sequences": list(sequences), **batches}
+    batches = {_kind(number): [row for row in larger if row["objects_asked"] == number] for number in _numbers(larger)}
+    return {SEQUENCE: list(sequences), **batches}
 
 
-def told_of(batch: Mapping[str, Any]) -> str:
-    """What a batch was made of and with, as `batch.made_by` tells it, in words."""
-    (first, last), done = batch["seeds"], batch["done"]
-    told = f"{done} runs of {batch['settings']['objects']} objects, seeds {first} to {last}"
-    told += "" if done == batch["runs"] else f" of which {batch['runs'] - done} are not done"
-    return f"{told}; commit {batch['commit'] or 'unknown'}, on {batch['device']}."
+def _numbers(runs: Sequence[Row]) -> list[int]:
+    """How many objects they have, each number once."""
+    return sorted({row["objects_asked"] for row in runs})
+
+
+def _kind(objects: int) -> str:
+    return count(objects, "object")
 
 
 def _page(
+    out: Path,
     sequences: Sequence[Row],
     larger: Sequence[Row],
     found: Mapping[str, float],
     batches: Sequence[Mapping[str, Any]],
+    *,
+    quick: bool,
 ) -> str:
     kinds = by_kind(sequences, larger)
     aims = aims_for(larger)
-    lost = [
-        (kind, str(loss["seed"]), *(page.text(loss[part]) for part in ("label", "place", "cause")))
-        for kind, of in kinds.items()
-        for loss in losses(of)
-    ]
+
+    def lead(kind: str, seed: int) -> str:
+        return link(seed, f"sequences/{seed}", out if kind == SEQUENCE else None)
+
+    others = [f"names that end in _{n} are of those of {n}" for n in _numbers(larger) if n != OBJECTS]
+    plain = f"runs of {OBJECTS} objects" if OBJECTS in _numbers(larger) else "the sequences"
     parts = [
         "<h1>Sequential sorting</h1>",
         "<p>Objects are poured on the table and sorted into two bins. First the paper's eight sequences with a Fetch, "
         "then ours in simulation: another robot's world, so the rows stand side by side, no more.</p>",
-        page.tiles([(name.replace("_", " "), number(value)) for name, value in found.items() if name in AIMS]),
+        *(f"<h3>{page.text(kind.capitalize())}</h3>{tiles(batch_figures(of))}" for kind, of in kinds.items()),
+        made_of(batches, quick=quick),
         _table("The paper's", "abcdefgh", **PAPER),
         _table(
             "Ours",
-            [str(row["seed"]) for row in sequences],
+            [lead(SEQUENCE, row["seed"]) for row in sequences],
             objects=[objects_of(row) for row in sequences],
             failed=[row.get("manipulation_errors", 0) for row in sequences],
             trials=[row.get("manipulation_trials", 0) for row in sequences],
             completion=[row.get("objects_sorted", 0) / max(objects_of(row), 1) for row in sequences],
         ),
         "<h2>Figures</h2>",
-        *(f"<p>{page.text(told_of(batch))}</p>" for batch in batches),
+        f"<p>Of {'; '.join([plain, *others])}.</p>",
         figure_table(found, aims),
         "<h2>Manipulation errors, by cause</h2>",
         by_cause({kind: errors(of) for kind, of in kinds.items()}),
         "<h2>Objects lost, by cause</h2>",
         by_cause({kind: causes(of) for kind, of in kinds.items()}),
-        *(["<h2>Every one of them</h2>", page.table(("of", "seed", "object", "ended", "cause"), lost)] if lost else []),
+        every_loss(kinds, lead),
     ]
     return page.page("Sequential sorting", parts)
 
@@ -186,6 +200,20 @@ def by_cause(counts: Mapping[str, Mapping[str, int]]) -> str:
     return page.table(("cause", *counts), rows) if rows else "<p>None.</p>"
 
 
+def every_loss(rows: Mapping[str, Sequence[Row]], lead: Callable[[str, int], str], head: str = "of") -> str:
+    """Every object that was lost, HTML; nothing where none was.
+
+    rows: by what is told apart, under `head`. lead: a seed of such rows, HTML.
+    """
+    lost = [
+        (page.text(kind), lead(kind, loss["seed"]), *(page.text(loss[part]) for part in ("label", "place", "cause")))
+        for kind, of in rows.items()
+        for loss in losses(of)
+    ]
+    told = page.table((head, "seed", "object", "ended", "cause"), lost) if lost else ""
+    return f"<h2>Every one of them</h2>{told}" if lost else ""
+
+
 def _table(
     title: str,
     names: Sequence[str],
@@ -195,7 +223,7 @@ def _table(
     trials: Sequence[float],
     completion: Sequence[float],
 ) -> str:
-    """The paper's rows: a column for each sequence, and the sum."""
+    """The paper's rows: a column for each sequence, names are HTML, and the sum."""
     done = sum(share * count for share, count in zip(completion, objects, strict=True)) / max(sum(objects), 1)
     rows = [
         ("objects", *map(str, objects), str(sum(objects))),

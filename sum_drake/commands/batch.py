@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,5 +117,10 @@ def _run(options: argparse.Namespace) -> None:
         said = "" if share is None else f", {share:.3f}{interval}"
         print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted{said}")
         for cause, count in told["causes"].items():
-            print(f"  lost: {count} {cause}")
+            print(f"  lost: {count}, {cause}")
+        asked = {str(spec.seed) for spec in specs}
+        apart = sum(path.parent.name not in asked for path in options.out.glob("*/episode.json"))
+        if apart:
+            print(f"  told of are the runs asked for; kept, and told of again where they are: {apart} more")
         print(options.out / "batch.json")
+        print(f"a page of it: sum-drake report {shlex.quote(str(options.out))}")
