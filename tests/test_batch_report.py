@@ -55,6 +55,13 @@ def write_batch(folder: Path, rows: list[dict[str, Any]], **more: Any) -> Path:
     return folder
 
 
+def test_a_benchs_folder_is_told_from_a_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("results.json", "report.html"):
+        (tmp_path / name).write_text("{}")
+    assert main(["report", str(tmp_path)]) == 2
+    assert f"{tmp_path}: of a bench, whose page is {tmp_path / 'report.html'}" in capsys.readouterr().err
+
+
 def words_of(*folders: Path) -> str:
     text = write_batch_report(folders, folders[0].parent / "page.html").read_text()
     assert "http" not in text and "<script" not in text

@@ -48,6 +48,13 @@ def test_what_ends_one_ends_all(number, tmp_path, capsys, monkeypatch):
     assert said == f"sum-drake: {'ended' if number == signal.SIGTERM else 'interrupted'}; the same command goes on"
 
 
+def test_a_folder_of_something_else_is_refused(tmp_path, capsys):
+    (tmp_path / "thesis.tex").write_text("precious")
+    line = refused(capsys, "bench", "all", "--quick", "--out", str(tmp_path))
+    assert "holds 'thesis.tex', which is no part of a bench all" in line
+    assert "cannot be made" in refused(capsys, "bench", "all", "--quick", "--out", str(tmp_path / "thesis.tex" / "out"))
+
+
 def test_results_of_something_else_are_not_taken_for_done(tmp_path, capsys):
     out = ("bench", "all", "--out", str(tmp_path))
     (tmp_path / "pose").mkdir()

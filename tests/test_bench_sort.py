@@ -47,6 +47,8 @@ def test_figures_are_of_the_batches_by_number_of_objects_else_of_the_sequences()
     assert set(AIMS) <= set(both)
     short = sort_figures(pours(2, 2), pours(3, 5, 100))
     assert (short["runs"], short["objects"]) == (3, 15), "what is asked of runs of five is not told of two of two"
+    two = sort_figures(sequences, pours(3, 2, 100))
+    assert (two["runs"], two["runs_2"], two["objects_sorted_share_2"]) == (8, 3, 1.0), "each number has its own"
     assert aims_for(pours(2, 5)) | aims_for(pours(2, 10)) == AIMS
     assert aims_for([]) == {}, "eight sequences cannot show what is asked of sixty pours"
     assert both["perception_cpu_s_median_10"] == 1.0 and both["picks_per_simulated_hour_10"] == 600.0

@@ -155,9 +155,10 @@ def test_some_output_is_checked():
 
 @pytest.mark.parametrize(("page", "line"), TYPED, ids=lambda value: str(value)[:60])
 def test_what_a_page_tells_to_type_is_a_command(page, line):
-    options = _parser().parse_args(shlex.split(line)[1:])
-    if getattr(options, "scenario_text", None) or getattr(options, "scenario_name", None):
-        load_scenario(None, options.scenario_name, options.scenario_text, objects=options.objects)
+    typed = vars(_parser().parse_args(shlex.split(line)[1:]))
+    name, text = typed.get("scenario_name"), typed.get("scenario_text")
+    if name or text:
+        load_scenario(None, name, text, objects=typed.get("objects"))
 
 
 def test_the_diagram_from_python_sees_what_was_poured(capsys):

@@ -18,6 +18,7 @@ from sum_drake.commands.common import (
     add_quiet,
     check_count,
     check_free,
+    check_makeable,
     if_interrupted,
 )
 
@@ -176,8 +177,8 @@ def _run(
 def _bench_all(options: argparse.Namespace) -> None:
     """Those whose results are there are not done again."""
     check_count("--workers", options.workers)
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"--out {options.out}: a file; expected a folder or a new name")
+    check_free(options.out, BENCHES, force=True, what="bench all")
+    check_makeable(options.out)
     done = {name for name in BENCHES if _is_done(options.out / name / "results.json", name, options.quick)}
     failed = []
     for name in (name for name in BENCHES if name not in done):

@@ -52,7 +52,9 @@ def add_catalogue(parser: argparse.ArgumentParser, default: str = "the package's
 def add_scenario(parser: argparse.ArgumentParser) -> None:
     """--scenario-file, --scenario-name, --scenario-text, --objects and --catalogue: see `scenario_of`."""
     parser.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
-    parser.add_argument("--scenario-name", metavar="NAME", help="which of them (default: the first)")
+    parser.add_argument(
+        "--scenario-name", metavar="NAME", help="which of them; of the package's: sorting (default), paper, faults"
+    )
     parser.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
     parser.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
     add_catalogue(parser, "the scenario's")

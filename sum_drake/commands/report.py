@@ -37,7 +37,9 @@ def _report(options: argparse.Namespace) -> None:
     for run in options.runs:
         if not run.is_dir():
             what = "a file" if run.exists() else "no such folder"
-            raise InputError(f"{run}: {what}; expected the folder of a run, as sum-drake sort writes it")
+            raise InputError(f"{run}: {what}; expected the folder of a run or a batch")
+        if (run / "results.json").is_file() and not is_batch(run):
+            raise InputError(f"{run}: of a bench, whose page is {run / 'report.html'}; expected the folder of a run")
     batches = [run for run in options.runs if is_batch(run)]
     if len(options.runs) == 2 and len(batches) == 1:
         (run,) = set(options.runs) - set(batches)
