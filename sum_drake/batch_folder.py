@@ -24,7 +24,7 @@ TOLD: dict[str, Any] = {"objects": [OBJECT], "attempts": [ATTEMPT], "versions": 
 """Of episode.json alone, with a summary."""
 FIELDS = {
     "settings": {"objects": int}, "seeds": [int], "runs": int, "done": int, "figures": {str: float | None},
-    "causes": {str: int}, "losses": [{"seed": int, "label": str, "place": str, "cause": str}], "episodes": [dict],
+    "causes": {str: int}, "losses": [{"seed": int, "label": str, "place": str, "cause": str}], "episodes": [{}],
     "versions": {str: str}, "device": str,
 }  # fmt: skip
 """Of batch.json, in which those of older versions have no `errors` and no `commit`."""
