@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sum_drake.batch_figures import objects_of
-from sum_drake.batch_report import told_of
+from sum_drake.batch_parts import packages, told_of
 from sum_drake.bench import ablations, detect_figures, faults, plan, pose_figures, reject_figures, sort, speed
 from sum_drake.bench.aims import Aims, aim, number
 from sum_drake.bench.result_plots import (
@@ -189,7 +189,7 @@ def _table(keys: Sequence[str], said: tuple[str, str], rows: Sequence[Mapping[st
 
 
 def _packages(data: Mapping[str, Any]) -> str:
-    return ", ".join(f"{package} {data['versions'][package]}" for package in ("python", "drake", "torch", "numpy"))
+    return packages(data, ("python", "drake", "torch", "numpy"))
 
 
 def _batch_command(data: Mapping[str, Any]) -> str:
@@ -198,7 +198,7 @@ def _batch_command(data: Mapping[str, Any]) -> str:
 
 
 def _batches(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What was run beside a bench, for it: `batch.made_by` of each."""
+    """What was run beside a bench, for it: `batch_folder.made_by` of each."""
     return list(data["settings"].get("batches", ()))
 
 

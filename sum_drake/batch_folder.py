@@ -45,7 +45,7 @@ def read_batch(folder: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{folder}: no batch ({error.strerror}: batch.json); expected a folder of `batch`") from None
     except InputError as error:
-        raise InputError(f"{file}: {error}: not as `batch` writes it; restore it, or take a new --out") from None
+        raise InputError(f"{file}: {error}: not as `batch` writes it; restore it, or take another folder") from None
     return data | {"episodes": [{"objects_asked": data["settings"]["objects"], **row} for row in data["episodes"]]}
 
 

@@ -1,21 +1,19 @@
 """A batch, or two side by side, as one HTML page that opens without a network."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from sum_drake import page
 from sum_drake.batch_figures import Row, paired_difference, pairs
 from sum_drake.batch_folder import read_batch
+from sum_drake.batch_parts import Batch, link, made_of, seeds_of, shown, tiles
 from sum_drake.files import write_whole
 from sum_drake.fingerprint import different
 from sum_drake.report_parts import count, seconds
 
 SURE = 0.05
 """What chance gives more often is not told as a difference."""
-Batch = Mapping[str, Any]
-"""What batch.json holds."""
 
 
 def is_batch(folder: Path) -> bool:
@@ -52,7 +50,7 @@ def _one(name: str, batch: Batch, folder: Path | None) -> str:
             _head(batch),
             tiles(batch["figures"]),
             "<h2>Figures</h2>",
-            page.table(["figure", "value"], [[page.text(_words(k)), _number(v)] for k, v in batch["figures"].items()]),
+            page.table(["figure", "value"], [[page.text(_words(k)), shown(v)] for k, v in batch["figures"].items()]),
             "<h2>What was lost</h2>",
             _losses([batch]),
             *_errors([batch]),
@@ -90,59 +88,9 @@ def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
     )
 
 
-def told_of(batch: Batch) -> str:
-    """What a batch was made of and with, as `batch_folder.made_by` tells it, in words."""
-    (first, last), done = batch["seeds"], batch["done"]
-    seeds = f"seed {first}" if first == last else f"seeds {first} to {last}"
-    told = f"{count(done, 'run')} of {count(batch['settings']['objects'], 'object')}, {seeds}"
-    told += "" if done == batch["runs"] else f" of which {batch['runs'] - done} are not done"
-    return f"{told}; commit {batch.get('commit') or 'unknown'}, on {batch['device']}."
-
-
-def made_of(batches: Iterable[Batch], *, quick: bool = False) -> str:
-    """What the figures of a page are of, HTML: `told_of` each batch, and the packages. quick: of short forms."""
-    batches = list(batches)
-    said = dict.fromkeys(told_of(batch) for batch in batches)
-    said |= dict.fromkeys(f"With {_packages(batch)}." for batch in batches)
-    short = "<p>" + page.chip("the short form: too few runs to tell anything by", "poor") + "</p>" if quick else ""
-    return short + "".join(f"<p>{page.text(line)}</p>" for line in said)
-
-
-def link(seed: int, run: str, within: Path | None) -> str:
-    """A run's seed, HTML, that leads to its report where there is one.
-
-    run: the run's folder as the page, in folder `within`, has it; None: the page cannot lead to it.
-    """
-    there = within is not None and (within / run / "report.html").is_file()
-    return f'<a href="{page.text(quote(run))}/report.html">{seed}</a>' if there else str(seed)
-
-
 def _head(batch: Batch) -> str:
-    first, last = batch["seeds"]
     done = "" if batch["done"] == batch["runs"] else f"; {batch['done']} of them are done"
-    seeds = f"seed {first}" if first == last else f"seeds {first} to {last}"
-    return f"<p>{count(batch['runs'], 'run')}, {seeds}{done}</p>"
-
-
-def tiles(figures: Mapping[str, float | None]) -> str:
-    """What matters most of `batch_figures`, large; HTML."""
-    low, high = figures.get("objects_sorted_low95"), figures.get("objects_sorted_high95")
-    interval = "" if low is None or high is None else f", {low:.3f} to {high:.3f}"
-
-    def figure(name: str) -> str:
-        return _number(figures.get(name))
-
-    share, objects = figures.get("objects_sorted_share"), figures.get("objects") or 0.0
-    done = round((share or 0.0) * objects)
-    said = "none is done" if share is None else f"objects sorted: {share:.3f}{interval}"
-    return page.tiles(
-        [
-            (said, f"{done} of {objects:.0f}"),
-            ("missorted", figure("missorted")),
-            ("trials an object sorted", figure("trials_per_object") or "–"),
-            ("CPU a run, median", seconds(figures.get("cpu_s_per_run_median"))),
-        ]
-    )
+    return f"<p>{count(batch['runs'], 'run')}, {seeds_of(batch)}{done}</p>"
 
 
 def _verdict(a: Batch, b: Batch) -> str:
@@ -178,7 +126,7 @@ def _figures(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
         in_a, in_b = a.get(key), b.get(key)
         differs = in_a is not None and in_b is not None and in_a != in_b
         mark = page.chip(f"{float(in_b or 0) - float(in_a or 0):+.4g}", "plain") if differs else ""
-        rows.append([page.text(_words(key)), _number(in_a), _number(in_b), mark])
+        rows.append([page.text(_words(key)), shown(in_a), shown(in_b), mark])
     return page.table(["figure", "A", "B", "B against A"], rows)
 
 
@@ -234,12 +182,3 @@ def _reason(row: Row) -> str:
 
 def _words(figure: str) -> str:
     return figure.replace("_", " ").replace("cpu s", "CPU s").replace("mib", "MiB")
-
-
-def _number(value: Any) -> str:
-    return "" if value is None else f"{value:.4g}"
-
-
-def _packages(batch: Batch) -> str:
-    versions = batch.get("versions") or {}
-    return ", ".join(f"{name} {versions[name]}" for name in ("sum-drake", "drake", "python") if name in versions)

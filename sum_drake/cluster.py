@@ -52,28 +52,37 @@ class Cluster:
         with self._client() as client:
             try:
                 client.wait_for_workers(1, timeout=self.patience_s)
+                unfit = self._unfit(client, _installed(self.catalogue))
             except TimeoutError:
                 raise InputError(f"--cluster {self.address}: has no worker; expected some: {self._how()}") from None
-            unfit = self._unfit(client)
+            except OSError as error:
+                raise InputError(f"--cluster {self.address}: {one_line(error)}; expected a Dask scheduler") from None
             if unfit:
                 raise InputError(f"--cluster {self.address}: {unfit}")
 
     def _how(self) -> str:
         return f"dask worker {self.address} --nthreads N"
 
-    def _unfit(self, client: "Client") -> str:
+    def _unfit(self, client: "Client", here: Mapping[str, str]) -> str:
         """Who of the cluster cannot run what it is sent, and why; "" where all can.
 
-        Asked outside of tasks: a task that a worker cannot unpickle, for want of this package, ends the worker.
+        Asked outside of tasks: a task that a worker cannot unpickle, for want of this package, ends the worker. here:
+        what is expected of workers. Raises OSError where the scheduler has gone.
         """
-        here = _installed(self.catalogue)
         try:
-            client.run_on_scheduler(versions)  # it reads tasks, too
+            program = client.run_on_scheduler(versions)["sum-drake"]  # it reads tasks, too
+        except OSError:
+            raise
         except Exception as error:
             return f"the scheduler fails: {one_line(error)}; expected sum-drake installed as here"
+        if program != here["sum-drake"]:
+            return f"the scheduler has sum-drake {program}; expected {here['sum-drake']}, as here"
         for address, there in client.run(_installed, self.catalogue, on_error="return").items():
+            if isinstance(there, OSError):  # it has gone since
+                continue
             if isinstance(there, Exception):
-                return f"worker {address} fails: {one_line(there)}; expected sum-drake installed as here"
+                need = "sum-drake" if self.catalogue is None else "sum-drake, and the catalogue at the same path,"
+                return f"worker {address} fails: {one_line(there)}; expected {need} as here"
             other = different(there, here)
             if other:
                 return f"worker {address} has {other}; expected what is installed here"
@@ -101,6 +110,8 @@ class Cluster:
         Raises InputError where the scheduler cannot be reached, RuntimeError for a worker that cannot run what it is
         sent, and where the scheduler or all workers go away: what is the cluster's fault is no episode's result.
         """
+        if not specs:
+            return
         with self._client() as client:
             from distributed import KilledWorker
 
@@ -111,7 +122,7 @@ class Cluster:
                 try:
                     episode = future.result()
                 except KilledWorker as error:
-                    unfit = self._unfit(client)  # one that came later may be what ended it
+                    unfit = self._unfit_now(client, here)
                     if unfit:
                         raise RuntimeError(f"{self.address}: {unfit}") from None
                     episode = lost(futures[future], one_line(error))
@@ -123,6 +134,13 @@ class Cluster:
                 future.release()  # or its files stay in the memory of workers
                 del futures[future]
 
+    def _unfit_now(self, client: "Client", here: Mapping[str, str]) -> str:
+        """As `_unfit`, of a batch under way: who came later may be unfit, and what ended a worker others like it."""
+        try:
+            return self._unfit(client, here)
+        except OSError:
+            return "the scheduler is gone; the same command goes on"
+
     def _as_they_end(self, client: "Client", futures: "Iterable[Future]") -> "Iterator[Future]":
         """Raises RuntimeError where there is no worker for too long: the scheduler waits for ever."""
         from distributed import as_completed
@@ -131,17 +149,21 @@ class Cluster:
         asked = there = time.monotonic()
         while not ending.is_empty():
             yield from ending.next_batch(block=False)
-            now = time.monotonic()
-            if now > asked + ASK_S:
-                asked = now
-                with contextlib.suppress(OSError):  # then futures are cancelled, which says more
-                    if client.scheduler_info()["workers"]:
-                        there = now
-            if now > there + self.patience_s:
-                raise RuntimeError(
-                    f"{self.address}: no worker for {self.patience_s:g} s; the same command goes on: {self._how()}"
-                )
+            if time.monotonic() > asked + min(ASK_S, self.patience_s / 4):
+                asked = time.monotonic()
+                if self._has_workers(client):
+                    there = asked
+                elif asked > there + self.patience_s:
+                    raise RuntimeError(
+                        f"{self.address}: no worker for {self.patience_s:g} s; the same command goes on: {self._how()}"
+                    )
             time.sleep(LOOK_S)
+
+    def _has_workers(self, client: "Client") -> bool:
+        try:
+            return bool(client.nthreads())
+        except OSError:  # where the scheduler has gone, futures are cancelled, which says more
+            return True
 
 
 def _installed(catalogue: Path | None) -> dict[str, str]:

@@ -9,8 +9,8 @@ from typing import Any
 from sum_drake.objects import Catalogue
 
 PACKAGE = Path(__file__).parent
-UNREAD_BY_RUNS = ("bench",)
-"""Folders of the package that no run uses: what measures runs may change, and they stay what they are."""
+UNREAD_BY_RUNS = ("bench", "batch_figures.py", "batch_parts.py", "batch_report.py")
+"""Parts of the package that no run uses: what measures runs and tells of them may change, and runs stay the same."""
 DATA = (".json", ".mtl", ".obj", ".safetensors", ".sdf", ".urdf", ".xml", ".yaml")
 """Suffixes of models, problems, scenes, scenarios and weights; pictures on objects are left out."""
 
@@ -64,8 +64,6 @@ def different(begun: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
         "code": "another version of the program", "meshes": "other meshes", "models": "other models",
         "scenario": "another scenario",
     }  # fmt: skip
-    options = {"first_seed": "--first-seed", "time_limit_s": "--time-limit", "memory_limit_mib": "--memory-limit"}
+    names = {"first_seed": "first seed", "time_limit_s": "time limit", "memory_limit_mib": "memory limit"}
     keys = [key for key in settings if begun.get(key) != settings[key]]
-    return ", ".join(
-        words.get(key, f"{options.get(key, key)} {begun.get(key)} and not {settings[key]}") for key in keys
-    )
+    return ", ".join(words.get(key, f"{names.get(key, key)} {begun.get(key)} and not {settings[key]}") for key in keys)

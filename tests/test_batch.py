@@ -228,7 +228,7 @@ def test_a_batch_says_what_made_its_runs_whoever_counts_them(undisturbed, tmp_pa
     assert main(batch(out)) == 0
     assert told(out)["device"] == f"another machine; {row['device']}" and told(out)["commit"] == "begun"
     fewer = [part for part in batch(out, runs=1) if part != "--quiet"]
-    assert main(fewer) == 0 and "kept, and told of again where they are: 1 more" in capsys.readouterr().out
+    assert main(fewer) == 0 and "kept and not told of, as not asked for: 1 run\n" in capsys.readouterr().out
     assert [one["seed"] for one in read_episodes(out)] == [5], "the other is no part of it any longer"
     (out / "batch.json").write_text(json.dumps({**told(out), "versions": {**versions(), "drake": "1.0"}}))
     assert f"is of drake 1.0 and not {versions()['drake']}; expected a new --out" in refused(capsys, *batch(out))
@@ -256,6 +256,6 @@ def test_bad_input_is_one_line(undisturbed, tmp_path, capsys):
     assert f": remove {broken / '5'} to run it again" in refused(capsys, *batch(broken))
     (broken / "batch.json").write_text("{}")
     for command in (batch(broken), ["report", str(broken)]):
-        assert "restore it, or take a new --out" in refused(capsys, *command)
+        assert "restore it, or take another folder" in refused(capsys, *command)
     (broken / "batch.json").unlink()
     assert "lost the batch.json that tells what its runs are of; expected a new" in refused(capsys, *batch(broken))

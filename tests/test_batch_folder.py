@@ -101,7 +101,7 @@ def test_a_damaged_batch_is_told_and_what_to_do(change, said, folder):
     with pytest.raises(InputError) as refusal:
         read_batch(folder)
     told = str(refusal.value)
-    assert told.startswith(f"{file}: {said}") and "restore it, or take a new --out" in told
+    assert told.startswith(f"{file}: {said}") and "restore it, or take another folder" in told
     file.write_text("null")
     with pytest.raises(InputError, match="batch: NoneType; expected an object"):
         read_batch(folder)

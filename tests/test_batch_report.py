@@ -78,6 +78,15 @@ def test_a_batch_tells_what_was_sorted_and_what_was_lost(tmp_path: Path) -> None
     assert "5: any (2), any (2)" in words, "all of them are lost, to the crash"
 
 
+def test_what_a_run_that_died_said_last_is_led_to(tmp_path: Path) -> None:
+    folder = write_batch(tmp_path / "a", [row(0, 5), DIED | {"seed": 1}])
+    for seed in "01":
+        (folder / seed).mkdir()
+    (folder / "1" / "log.txt").write_text("killed")
+    html = write_batch_report([folder], folder / "report.html").read_text()
+    assert '<a href="1/log.txt">what it said last</a>' in html and 'href="0/' not in html
+
+
 def test_a_batch_of_before_errors_were_told_has_a_page(tmp_path: Path) -> None:
     folder = write_batch(tmp_path / "a", [row(0, 4)])
     told = json.loads((folder / "batch.json").read_text())
@@ -165,7 +174,7 @@ def test_a_batch_that_has_just_begun_has_a_page(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "restore it, or take a new --out"),
+        ("{", "restore it, or take another folder"),
         ("[]", "batch: list; expected an object: not as `batch` writes it"),
         (
             '{"schema": "sum-drake/batch/9"}',

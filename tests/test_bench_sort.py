@@ -73,6 +73,8 @@ def test_sequences_are_run_and_told_and_gone_on_with(tmp_path):
     assert data["figures"]["objects_sorted_share"] == 0.0
     page = (tmp_path / "report.html").read_text()
     assert "The paper&#x27;s" in page or "The paper's" in page
+    assert '<a href="sequences/4/report.html">4</a>' in page and "the short form" in page
+    assert "2 runs of 1 object, seeds 3 to 4" in page and "Figures are of the sequences" in page
     assert len(read_episodes(tmp_path / "sequences")) == 2
 
 

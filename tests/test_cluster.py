@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from test_batch import SHORT, batch, digests, episodes_of
+from test_batch import batch, digests, episodes_of
 
 import sum_drake
 from sum_drake.assets import InputError
@@ -114,31 +114,61 @@ def without_sum_drake(folder):
     return str(folder)
 
 
+def long_episode():
+    """One that takes longer than a test waits for it."""
+    return EpisodeSpec(5, dump_scenario(load_scenario(seed=5)), 300.0, 4096)
+
+
 def test_a_worker_without_the_program_is_told_of_before_anything_is_run(scheduler, tmp_path, monkeypatch):
     address, start_worker, _ = scheduler
     with monkeypatch.context() as patched:
         patched.setenv("PYTHONPATH", without_sum_drake(tmp_path / "bare"))
         bare = start_worker()
-    with pytest.raises(InputError, match=r"worker tcp://.* fails: .*sum_drake.*; expected sum-drake installed as here"):
+    with pytest.raises(InputError, match=r"worker tcp://.* fails: .*sum_drake.*; expected sum-drake as here"):
+        Cluster(address).check()
+    with pytest.raises(InputError, match="expected sum-drake as here"):
         Cluster(address).check()
     assert bare.poll() is None, "the question ended it"
 
 
 def test_where_there_is_no_worker_it_is_said_how_to_have_one(scheduler, tmp_path):
     address, start_worker, _ = scheduler
-    impatient = Cluster(address, patience_s=1.0)
+    impatient = Cluster(address, patience_s=2.0)
     with pytest.raises(InputError, match=f"has no worker; expected some: dask worker {address} --nthreads N"):
         impatient.check()
-    worker, spec = start_worker(), EpisodeSpec(5, dump_scenario(load_scenario(text=SHORT, seed=5)), 300.0, 4096)
+    worker = start_worker()
     Cluster(address).check()
-    episodes = impatient.run([spec], tmp_path)
+    episodes = impatient.run([long_episode()], tmp_path)
     with ThreadPoolExecutor(1) as pool:
         running = pool.submit(list, episodes)
         while not episodes_of(worker.pid):
             assert not running.done()
             time.sleep(0.05)
+        with pytest.raises(TimeoutError):
+            running.result(timeout=2 * impatient.patience_s)
         worker.kill()
-        with pytest.raises(RuntimeError, match="no worker for 1 s; the same command goes on"):
+        with pytest.raises(RuntimeError, match="no worker for 2 s; the same command goes on"):
+            running.result(timeout=60)
+
+
+@pytest.mark.parametrize("scheduler", [0], indirect=True)
+def test_a_worker_that_came_later_and_can_run_nothing_is_told_of_where_one_is_lost(scheduler, tmp_path, monkeypatch):
+    address, start_worker, _ = scheduler
+    worker = start_worker()
+    Cluster(address).check()
+    with ThreadPoolExecutor(1) as pool:
+        running = pool.submit(list, Cluster(address).run([long_episode()], tmp_path))
+        while not episodes_of(worker.pid):
+            assert not running.done()
+            time.sleep(0.05)
+        with monkeypatch.context() as patched:
+            patched.setenv("PYTHONPATH", without_sum_drake(tmp_path / "bare"))
+            start_worker()
+        with pytest.raises(InputError, match="expected sum-drake as here"):
+            while True:
+                Cluster(address).check()
+        worker.kill()
+        with pytest.raises(RuntimeError, match=r"worker tcp://.* fails: .*; expected sum-drake as here"):
             running.result(timeout=60)
 
 

@@ -16,11 +16,10 @@ from sum_drake.assets import InputError
 from sum_drake.batch import Executor, check_batch, run_batch
 from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
 from sum_drake.batch_folder import brief, made_by, read_batch, read_episodes
-from sum_drake.batch_report import link, made_of
+from sum_drake.batch_parts import by_cause, every_loss, link, made_of
 from sum_drake.bench.aims import number
 from sum_drake.bench.faults import dealt_with, fault_rows
 from sum_drake.bench.results import write_results
-from sum_drake.bench.sort import by_cause, every_loss
 from sum_drake.doctor import versions
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.files import write_whole
@@ -130,7 +129,9 @@ def bench_ablations(
         rows[name] = [row for row in read_episodes(folders[name]) if row["seed"] in seeds]
         found = figures(rows)
         made[name] = made_by(folders[name])
-        write_whole(out / "report.html", _page(out, folders, rows, found, made.values(), quick=quick))
+        ran = {"seeds": [min(seeds), max(seeds)], "runs": len(seeds), "done": len(seeds)}  # of a default that has more
+        of = [batch | ran for batch in made.values()]
+        write_whole(out / "report.html", _page(out, folders, rows, found, of, quick=quick))
     # At the end alone: a bench whose results.json is there counts as done.
     same = {key: value for key, value in common.items() if key != "scenario"}
     changes = {name: VARIANTS[name].changes for name in names}

@@ -14,10 +14,9 @@ from sum_drake.assets import InputError
 from sum_drake.batch import Executor, Progress, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes, errors, known_figures, losses
 from sum_drake.batch_folder import brief, made_by, read_episodes
-from sum_drake.batch_report import link, made_of, tiles
+from sum_drake.batch_parts import by_cause, link, made_of, tiles
 from sum_drake.bench.aims import Aims, figure_table
 from sum_drake.bench.results import write_results
-from sum_drake.bench.sort import by_cause
 from sum_drake.episodes import EpisodeSpec
 from sum_drake.executed import KINDS
 from sum_drake.files import write_whole

@@ -32,7 +32,8 @@ def write_results(
         seeds: by what they are for.
         figures: name -> number; shares are 0 to 1. What cannot be known (nan) becomes null, in rows, too.
         rows: the tables behind the figures; each row names its table under "table".
-        batches: `batch.made_by` of those that the rows are of. Commit and device are then theirs, not whoever counts'.
+        batches: `batch_folder.made_by` of those that the rows are of. Commit and device are then theirs, not of whoever
+            counts.
     """
     data = {
         "schema": SCHEMA,

@@ -13,7 +13,7 @@ from sum_drake.assets import InputError
 from sum_drake.batch import Executor, Progress, run_batch
 from sum_drake.batch_figures import Row, batch_figures, causes, errors, known_figures, losses, objects_of
 from sum_drake.batch_folder import brief, made_by, read_batch, read_episodes
-from sum_drake.batch_report import link, made_of, tiles
+from sum_drake.batch_parts import by_cause, every_loss, link, made_of, tiles
 from sum_drake.bench.aims import Aims, figure_table
 from sum_drake.bench.results import write_results
 from sum_drake.episodes import EpisodeSpec
@@ -21,7 +21,8 @@ from sum_drake.files import write_whole
 from sum_drake.fingerprint import different
 from sum_drake.report_parts import count
 
-FILES = ("results.json", "report.html", "sequences")
+FOLDER = "sequences"
+FILES = ("results.json", "report.html", FOLDER)
 AIMS: Aims = {
     "crashes": ("at most", 0),
     "hangs": ("at most", 0),
@@ -34,7 +35,6 @@ AIMS: Aims = {
     "objects_sorted_share_10": ("at least", 0.93),
 }
 """Of many pours: eight sequences alone cannot show them."""
-SEQUENCE = "sequences"
 SEQUENCES, OBJECTS = 8, 5
 """How many, of how many objects each: the paper's."""
 PAPER: Mapping[str, tuple[float, ...]] = {
@@ -62,8 +62,8 @@ def bench_sort(
     Raises InputError as `read_batches` does.
     """
     larger = read_batches(batches, usual)
-    run_batch(out / "sequences", specs, settings, executor, progress)
-    sequences = read_episodes(out / "sequences")
+    run_batch(out / FOLDER, specs, settings, executor, progress)
+    sequences = read_episodes(out / FOLDER)
     found = sort_figures(sequences, larger)
     rows = [{"table": "sequence", **brief(row)} for row in sequences]
     rows += [{"table": "run", **brief(row)} for row in larger]
@@ -71,7 +71,7 @@ def bench_sort(
         rows += [{"table": "loss", "of": kind, **loss} for loss in losses(of)]
         rows += [{"table": "error", "of": kind, "cause": cause, "trials": n} for cause, n in errors(of).items()]
     told = [made_by(folder) for folder in batches]
-    own = made_by(out / "sequences")
+    own = made_by(out / FOLDER)
     write_whole(out / "report.html", _page(out, sequences, larger, found, [own, *told], quick=quick))
     write_results(
         out, "sort", quick=quick, settings={**settings, "batches": told},
@@ -137,7 +137,7 @@ def aims_for(larger: Sequence[Row]) -> Aims:
 def by_kind(sequences: Sequence[Row], larger: Sequence[Row]) -> dict[str, list[Row]]:
     """What is told apart: `sequences`, and the runs of batches by their number of objects, as `5 objects`."""
     batches = {_kind(number): [row for row in larger if row["objects_asked"] == number] for number in _numbers(larger)}
-    return {SEQUENCE: list(sequences), **batches}
+    return {FOLDER: list(sequences), **batches}
 
 
 def _numbers(runs: Sequence[Row]) -> list[int]:
@@ -162,10 +162,10 @@ def _page(
     aims = aims_for(larger)
 
     def lead(kind: str, seed: int) -> str:
-        return link(seed, f"sequences/{seed}", out if kind == SEQUENCE else None)
+        return link(seed, f"{FOLDER}/{seed}", out if kind == FOLDER else None)
 
-    others = [f"those that end in _{n} of runs of {n}" for n in _numbers(larger) if n != OBJECTS]
-    plain = f"Names are of {f'runs of {OBJECTS} objects' if OBJECTS in _numbers(larger) else 'the sequences'}"
+    others = [f"; those that end in _{n} of runs of {n}" for n in _numbers(larger) if n != OBJECTS]
+    plain = f"runs of {OBJECTS} objects" if OBJECTS in _numbers(larger) else "the sequences"
     parts = [
         "<h1>Sequential sorting</h1>",
         "<p>Objects are poured on the table and sorted into two bins. First the paper's eight sequences with a Fetch, "
@@ -187,10 +187,10 @@ def _page(
             failed=[row.get("manipulation_errors", 0) for row in sequences],
             trials=[row.get("manipulation_trials", 0) for row in sequences],
             completion=[row.get("objects_sorted", 0) / max(objects_of(row), 1) for row in sequences],
-            report=[lead(SEQUENCE, row["seed"]) for row in sequences],
+            report=[lead(FOLDER, row["seed"]) for row in sequences],
         ),
         "<h2>Figures</h2>",
-        f"<p>{'; '.join([plain, *others])}.</p>",
+        f"<p>Figures are of {plain}; those that begin with sequences of these{''.join(others)}.</p>",
         figure_table(found, aims),
         "<h2>Manipulation errors, by cause</h2>",
         by_cause({kind: errors(of) for kind, of in kinds.items()}),
@@ -199,27 +199,6 @@ def _page(
         every_loss(kinds, lead),
     ]
     return page.page("Sequential sorting", parts)
-
-
-def by_cause(counts: Mapping[str, Mapping[str, int]]) -> str:
-    """A table; HTML. counts: by what stands over a column, how many of each cause."""
-    names = list(dict.fromkeys(cause for of in counts.values() for cause in of))
-    rows = [(page.text(name), *(str(of.get(name, 0)) for of in counts.values())) for name in names]
-    return page.table(("cause", *counts), rows) if rows else "<p>None.</p>"
-
-
-def every_loss(rows: Mapping[str, Sequence[Row]], lead: Callable[[str, int], str], head: str = "of") -> str:
-    """Every object that was lost, HTML; nothing where none was.
-
-    rows: by what is told apart, under `head`. lead: a seed of such rows, HTML.
-    """
-    lost = [
-        (page.text(kind), lead(kind, loss["seed"]), *(page.text(loss[part]) for part in ("label", "place", "cause")))
-        for kind, of in rows.items()
-        for loss in losses(of)
-    ]
-    told = page.table((head, "seed", "object", "ended", "cause"), lost) if lost else ""
-    return f"<h2>Every one of them</h2>{told}" if lost else ""
 
 
 def _table(
@@ -233,7 +212,7 @@ def _table(
     report: Sequence[str] = (),
 ) -> str:
     """The paper's rows: a column for each sequence, and the sum. report: links to theirs, HTML."""
-    done = sum(share * count for share, count in zip(completion, objects, strict=True)) / max(sum(objects), 1)
+    done = sum(share * number for share, number in zip(completion, objects, strict=True)) / max(sum(objects), 1)
     rows = [
         ("objects", *map(str, objects), str(sum(objects))),
         ("manipulation errors", *map(str, failed), str(sum(failed))),

@@ -3,6 +3,7 @@
 import argparse
 import dataclasses
 import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,6 +88,7 @@ def _run(options: argparse.Namespace) -> None:
     from sum_drake.batch import Processes, check_batch, run_batch
     from sum_drake.cluster import Cluster
     from sum_drake.doctor import require_rendering
+    from sum_drake.report_parts import count
 
     check_count("--runs", options.runs)
     check_count("--first-seed", options.first_seed, 0)
@@ -105,7 +107,10 @@ def _run(options: argparse.Namespace) -> None:
         executor: Processes | Cluster = Processes(options.workers)
     else:
         executor = Cluster(options.cluster, Path(scenario.catalogue) if scenario.catalogue else None)
-        executor.check()
+        if any(not (options.out / str(spec.seed) / "episode.json").is_file() for spec in specs):
+            if not options.quiet:
+                print(f"{options.cluster}: asking the scheduler and its workers", file=sys.stderr)
+            executor.check()
     kept = f"{options.out} keeps what was done: the same command goes on"
     with if_interrupted(lambda: kept, quiet=options.quiet):
         told = run_batch(options.out, specs, settings, executor, Counting(quiet=options.quiet))
@@ -116,11 +121,12 @@ def _run(options: argparse.Namespace) -> None:
         done, objects = round((share or 0.0) * figures["objects"]), figures["objects"]
         said = "" if share is None else f", {share:.3f}{interval}"
         print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted{said}")
-        for cause, count in told["causes"].items():
-            print(f"  lost: {count}, {cause}")
+        for cause, lost in told["causes"].items():
+            print(f"  lost: {lost}, {cause}")
         asked = {str(spec.seed) for spec in specs}
         apart = sum(path.parent.name not in asked for path in options.out.glob("*/episode.json"))
         if apart:
-            print(f"  told of are the runs asked for; kept, and told of again where they are: {apart} more")
+            print(f"  kept and not told of, as not asked for: {count(apart, 'run')}")
         print(options.out / "batch.json")
-        print(f"a page of it: sum-drake report {shlex.quote(str(options.out))}")
+        again = " --force" if (options.out / "report.html").exists() else ""
+        print(f"a page of it: sum-drake report {shlex.quote(str(options.out))}{again}")

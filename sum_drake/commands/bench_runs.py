@@ -178,7 +178,8 @@ def _bench_all(options: argparse.Namespace) -> None:
     """Those whose results are there are not done again."""
     check_count("--workers", options.workers)
     check_free(options.out, BENCHES, force=True, what="bench all")
-    check_makeable(options.out)
+    if not options.out.is_dir():
+        check_makeable(options.out)
     done = {name for name in BENCHES if _is_done(options.out / name / "results.json", name, options.quick)}
     failed = []
     for name in (name for name in BENCHES if name not in done):

@@ -53,7 +53,9 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     """--scenario-file, --scenario-name, --scenario-text, --objects and --catalogue: see `scenario_of`."""
     parser.add_argument("--scenario-file", type=Path, metavar="FILE", help="scenarios (default: the package's)")
     parser.add_argument(
-        "--scenario-name", metavar="NAME", help="which of them; of the package's: sorting (default), paper, faults"
+        "--scenario-name",
+        metavar="NAME",
+        help="which of them (default: the first); the package's: sorting, paper, faults",
     )
     parser.add_argument("--scenario-text", metavar="YAML", help="fields that go over the scenario's")
     parser.add_argument("--objects", type=int, metavar="N", help="how many objects are poured, 1 to 15")
