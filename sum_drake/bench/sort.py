@@ -164,7 +164,7 @@ def _page(
     def lead(kind: str, seed: int) -> str:
         return link(seed, f"{FOLDER}/{seed}", out if kind == FOLDER else None)
 
-    others = [f"; those that end in _{n} of runs of {n}" for n in _numbers(larger) if n != OBJECTS]
+    others = [f"*_{n} of runs of {n}" for n in _numbers(larger) if n != OBJECTS]
     plain = f"runs of {OBJECTS} objects" if OBJECTS in _numbers(larger) else "the sequences"
     parts = [
         "<h1>Sequential sorting</h1>",
@@ -190,7 +190,7 @@ def _page(
             report=[lead(FOLDER, row["seed"]) for row in sequences],
         ),
         "<h2>Figures</h2>",
-        f"<p>Figures are of {plain}; those that begin with sequences of these{''.join(others)}.</p>",
+        f"<p>{'; '.join([f'Figures are of {plain}', 'sequences_* of the sequences', *others])}.</p>",
         figure_table(found, aims),
         "<h2>Manipulation errors, by cause</h2>",
         by_cause({kind: errors(of) for kind, of in kinds.items()}),

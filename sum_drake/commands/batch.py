@@ -120,7 +120,7 @@ def _run(options: argparse.Namespace) -> None:
         interval = "" if low is None else f" (95 % interval {low:.3f} to {high:.3f})"
         done, objects = round((share or 0.0) * figures["objects"]), figures["objects"]
         said = "" if share is None else f", {share:.3f}{interval}"
-        print(f"{figures['runs']:.0f} runs: {done} of {objects:.0f} objects sorted{said}")
+        print(f"{count(round(figures['runs']), 'run')}: {done} of {objects:.0f} objects sorted{said}")
         for cause, lost in told["causes"].items():
             print(f"  lost: {lost}, {cause}")
         asked = {str(spec.seed) for spec in specs}
