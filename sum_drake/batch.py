@@ -19,7 +19,7 @@ from sum_drake.assets import InputError
 from sum_drake.batch_figures import batch_figures, causes, errors, losses
 from sum_drake.batch_folder import SCHEMA, brief, read_batch, read_episode
 from sum_drake.doctor import commit, device, versions
-from sum_drake.episodes import Episode, EpisodeSpec, Running, run_episode
+from sum_drake.episodes import EpisodeResult, EpisodeSpec, Running, run_episode
 from sum_drake.files import PART, alone
 from sum_drake.fingerprint import different
 from sum_drake.jsonio import write_json
@@ -35,7 +35,7 @@ Progress = Callable[[str, int, int], None]
 class Executor(Protocol):
     """Runs episodes somewhere."""
 
-    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[EpisodeResult, None, None]:
         """Each episode once, as it ends. work: a folder for what is under way."""
         ...
 
@@ -46,7 +46,7 @@ class Processes:
 
     workers: int
 
-    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[EpisodeResult, None, None]:
         """As `Executor.run`; what is under way when it is interrupted is ended."""
         running = Running()
         with ThreadPoolExecutor(self.workers) as pool:
@@ -126,7 +126,7 @@ def check_batch(out: Path, settings: Mapping[str, Any]) -> None:
         raise InputError(f"{file}: is of {other}; expected a new --out")
 
 
-def keep(episode: Episode, out: Path) -> None:
+def keep(episode: EpisodeResult, out: Path) -> None:
     """Puts an episode's folder into the batch's, whole."""
     folder = Path(tempfile.mkdtemp(dir=out / WORK, prefix=f"{episode.seed}.kept."))
     folder.chmod(0o755)

@@ -124,6 +124,7 @@ def made_by(folder: Path) -> dict[str, Any]:
 BRIEF = (
     "seed", "state", "reason", "outcome", "objects_asked", "objects_total", "objects_sorted", "objects_missorted",
     "manipulation_trials", "manipulation_errors", "timing", "limits", "digest", "cpu_s", "wall_s", "peak_memory_mib",
+    "device",
 )  # fmt: skip
 """What batch.json, and results of benches, tell of each run."""
 

@@ -2,26 +2,30 @@
 
 import contextlib
 import dataclasses
+import functools
 import logging
 import re
 import socket
 import time
+import warnings
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sum_drake.assets import InputError, one_line
-from sum_drake.doctor import versions
-from sum_drake.episodes import Episode, EpisodeSpec, lost, run_episode
+from sum_drake.doctor import egl_problem, versions
+from sum_drake.episodes import EpisodeResult, EpisodeSpec, lost, run_episode
 from sum_drake.fingerprint import code_and_meshes, different
 from sum_drake.objects import load_catalogue
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://([^\s:/]+|\[[0-9a-fA-F:.]+\]):[0-9]{1,5}")
+ADDRESS = re.compile(r"(tcp|tls)://([^\s:/\[\]]+|\[[0-9a-fA-F:.]+\]):([0-9]{1,5})")
 """Of a scheduler. What is none is not handed to `distributed`, which retries it and ends in a traceback."""
+LONGEST_GREETING = 1 << 20
+"""Bytes of a scheduler's first message, whose length comes before it: text of another protocol reads as far more."""
 CONNECT_S = 20.0
 """How long the scheduler may take to answer, seconds."""
 LOOK_S, ASK_S = 0.05, 5.0
@@ -77,34 +81,71 @@ class Cluster:
             return f"the scheduler fails: {one_line(error)}; expected sum-drake installed as here"
         if program != here["sum-drake"]:
             return f"the scheduler has sum-drake {program}; expected {here['sum-drake']}, as here"
-        for address, there in client.run(_installed, self.catalogue, on_error="return").items():
+        for address, there in client.run(_ready, self.catalogue, on_error="return").items():
             if isinstance(there, OSError):  # it has gone since
                 continue
             if isinstance(there, Exception):
                 need = "sum-drake" if self.catalogue is None else "sum-drake, and the catalogue at the same path,"
                 return f"worker {address} fails: {one_line(there)}; expected {need} as here"
-            other = different(there, here)
+            installed, problem = there
+            other = different(installed, here)
             if other:
                 return f"worker {address} has {other}; expected what is installed here"
+            if problem:
+                return f"worker {address} {problem}"
         return ""
 
     @contextlib.contextmanager
     def _client(self) -> "Iterator[Client]":
         try:
             from distributed import Client
+            from distributed.versions import VersionMismatchWarning
         except ImportError:
             raise InputError("--cluster: distributed is missing; expected: pip install sum-drake[cluster]") from None
-        if not ADDRESS.fullmatch(self.address):
+        parts = ADDRESS.fullmatch(self.address)
+        if parts is None:
             raise InputError(f"--cluster {self.address}: no address; expected a Dask scheduler's, as tcp://HOST:8786")
+        self._check_greeting(*parts.groups())
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what goes wrong is said here, in a line
         try:
-            client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", VersionMismatchWarning)  # `check` says what matters of it
+                client = Client(self.address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise InputError(f"--cluster {self.address}: {one_line(error)}; expected a Dask scheduler") from None
         with client:
             yield client
 
-    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[Episode, None, None]:
+    def _check_greeting(self, scheme: str, host: str, port: str) -> None:
+        """Raises InputError where who answers is no scheduler: a client waits for ever for what another never sends."""
+        expected = "expected a Dask scheduler"
+        if scheme == "tls":
+            return self._check_certificates()
+        try:
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=CONNECT_S) as there:
+                first = there.recv(8, socket.MSG_WAITALL)
+        except TimeoutError:
+            raise InputError(f"--cluster {self.address}: no word in {CONNECT_S:g} s; {expected}") from None
+        except (socket.gaierror, OverflowError, UnicodeError) as error:
+            raise InputError(f"--cluster {self.address}: {one_line(error)}; {expected}") from None
+        except OSError:  # nobody is there yet: a client tries again for a while
+            return
+        if len(first) < 8 or int.from_bytes(first, "little") > LONGEST_GREETING:
+            raise InputError(f"--cluster {self.address}: something else answers; {expected}")
+
+    def _check_certificates(self) -> None:
+        from distributed.security import Security
+
+        try:
+            lacking = Security().get_connection_args("client").get("ssl_context") is None
+        except (OSError, ValueError) as error:
+            raise InputError(f"--cluster {self.address}: {one_line(error)}; expected certificates") from None
+        if lacking:
+            raise InputError(
+                f"--cluster {self.address}: no certificates; expected them in Dask's settings, distributed.comm.tls"
+            )
+
+    def run(self, specs: Sequence[EpisodeSpec], work: Path) -> Generator[EpisodeResult, None, None]:
         """As `batch.Executor.run`; files come back over the network.
 
         Raises InputError where the scheduler cannot be reached, RuntimeError for a worker that cannot run what it is
@@ -154,9 +195,8 @@ class Cluster:
                 if self._has_workers(client):
                     there = asked
                 elif asked > there + self.patience_s:
-                    raise RuntimeError(
-                        f"{self.address}: no worker for {self.patience_s:g} s; the same command goes on: {self._how()}"
-                    )
+                    waited = f"{self.address}: no worker for {self.patience_s:g} s"
+                    raise RuntimeError(f"{waited}; start one, {self._how()}, and the same command goes on")
             time.sleep(LOOK_S)
 
     def _has_workers(self, client: "Client") -> bool:
@@ -171,9 +211,28 @@ def _installed(catalogue: Path | None) -> dict[str, str]:
     return {**code_and_meshes(load_catalogue(catalogue), of_runs=True), **versions()}
 
 
-def _run_same(spec: EpisodeSpec, catalogue: Path | None, expected: Mapping[str, str]) -> Episode:
-    """On a worker. Raises RuntimeError where something else is installed than where the batch was asked for."""
-    other = different(_installed(catalogue), expected)
+@functools.cache
+def _problem() -> str:
+    """Why this process' machine cannot run what is installed; "" if it can."""
+    return egl_problem() or ""
+
+
+def _ready(catalogue: Path | None) -> tuple[dict[str, str], str]:
+    """Of a worker: `_installed` and `_problem`."""
+    return _installed(catalogue), _problem()
+
+
+def _run_same(spec: EpisodeSpec, catalogue: Path | None, expected: Mapping[str, str]) -> EpisodeResult:
+    """On a worker. Raises RuntimeError where something else is installed than where the batch was asked for.
+
+    The run's folder is in the worker's own, which whoever starts the next one removes if it was killed.
+    """
+    from distributed import get_worker
+
+    installed, problem = _ready(catalogue)
+    other = different(installed, expected)
     if other:
         raise RuntimeError(f"{socket.gethostname()} has {other}; expected what the batch was begun with")
-    return run_episode(spec)
+    if problem:
+        raise RuntimeError(f"{socket.gethostname()} {problem}")
+    return run_episode(spec, Path(get_worker().local_directory))

@@ -2,8 +2,10 @@
 
 import contextlib
 import dataclasses
+import errno
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,7 +19,7 @@ from typing import Any, TextIO
 from sum_drake.assets import InputError, one_line
 from sum_drake.files import PART
 from sum_drake.jsonio import encode
-from sum_drake.summary_schema import validate_summary
+from sum_drake.summary_schema import FAILED, validate_summary
 from sum_drake.types import Immutable
 from sum_drake.workers import ONE_THREAD
 
@@ -30,6 +32,8 @@ STATES = {
     "lost": "the cluster lost it, again and again",
 }
 """How an episode ended."""
+ROOM = 1 << 24
+"""Bytes that have to be free where a run writes: with less, what went wrong is the disk's fault, and no result."""
 LOG_TAIL = 4000
 """Characters kept of what a run said last."""
 
@@ -48,7 +52,7 @@ class EpisodeSpec:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Episode(Immutable):
+class EpisodeResult(Immutable):
     """What came of it."""
 
     seed: int
@@ -126,10 +130,10 @@ class Running:
                     os.killpg(process.pid, signal.SIGKILL)
 
 
-def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running | None = None) -> Episode:
+def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running | None = None) -> EpisodeResult:
     """Runs it in a process of its own, in a temporary folder, by default the system's, that is gone afterwards.
 
-    running: through which it may be ended.
+    running: through which it may be ended. Raises OSError where it did not end well and there is no room left.
     """
     running = Running() if running is None else running
     with tempfile.TemporaryDirectory(dir=folder, prefix=f"{spec.seed}.") as temporary:
@@ -144,6 +148,8 @@ def run_episode(spec: EpisodeSpec, folder: Path | None = None, running: Running 
             finally:
                 running.done(process)
         said = _tail(Path(temporary, "log.txt")).replace(f"{temporary}{os.sep}", "")
+        if done.status != 0 and shutil.disk_usage(temporary).free < ROOM:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(Path(temporary).parent))
         return _judge(spec, done, said, run)
 
 
@@ -188,7 +194,7 @@ def _tail(log: Path) -> str:
         return file.read().decode(errors="replace")[-LOG_TAIL:]
 
 
-def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
+def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> EpisodeResult:
     kept = [path for path in sorted(run.iterdir()) if path.is_file() and path.suffix != PART] if run.is_dir() else []
     files = {path.name: path.read_bytes() for path in kept}
     summary, problem = None, ""
@@ -203,15 +209,17 @@ def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> Episode:
     if done.timed_out:
         state, reason = "timed_out", f"not done after {spec.time_limit_s:g} s; last: {last}"
     elif done.status < 0:
-        state, reason = "crashed", f"ended by {_signal(-done.status)}; last: {last}"
+        held = f"held {done.peak_memory_mib:.0f} MiB, and might have {spec.memory_mib}"
+        state, reason = "crashed", f"ended by {_signal(-done.status)}; {held}; last: {last}"
     elif summary is None:
         state, reason = "crashed", f"exit status {done.status}, {problem}; last: {last}"
     elif done.status != 0:
-        state, reason = "failed", str(summary["outcome"])
+        outcome = str(summary["outcome"])  # of a run that went well, if its report failed
+        state, reason = "failed", outcome if outcome.startswith(FAILED) else f"exit status {done.status}; last: {last}"
     else:
         state, reason = "ended", ""
     used = done.cpu_s, done.wall_s, done.peak_memory_mib
-    return Episode(spec.seed, state, reason, summary, files, said, *used)
+    return EpisodeResult(spec.seed, state, reason, summary, files, said, *used)
 
 
 def _signal(number: int) -> str:
@@ -221,6 +229,6 @@ def _signal(number: int) -> str:
         return f"signal {number}"
 
 
-def lost(spec: EpisodeSpec, reason: str) -> Episode:
+def lost(spec: EpisodeSpec, reason: str) -> EpisodeResult:
     """What is told of an episode that nobody can tell anything of."""
-    return Episode(spec.seed, "lost", reason, None, {}, "", 0.0, 0.0, 0.0)
+    return EpisodeResult(spec.seed, "lost", reason, None, {}, "", 0.0, 0.0, 0.0)

@@ -7,6 +7,8 @@ from sum_drake.assets import InputError
 from sum_drake.json_shape import check_shape
 
 SCHEMA = "sum-drake/run/1"
+FAILED = "stopped: failed: "
+"""What the outcome of a run that an error ended begins with."""
 TIMING = ("perception_cpu_s", "planning_cpu_s", "simulation_cpu_s", "wall_s", "sim_time_s")
 """What every summary tells the cost of; others may stand beside them."""
 

@@ -19,6 +19,7 @@ from sum_drake.objects import Catalogue
 from sum_drake.pose_workers import PoseWorkers
 from sum_drake.runlog import RunLogWriter
 from sum_drake.seeds import derive
+from sum_drake.summary_schema import FAILED
 from sum_drake.systems.arm_controller import PERIOD
 from sum_drake.systems.outside_hand import OutsideHand, waiting_place
 from sum_drake.systems.ports import unpack
@@ -147,7 +148,7 @@ def _run(
     if isinstance(error, KeyboardInterrupt):
         raise error
     if error is not None:
-        watch.outcome = f"stopped: failed: {type(error).__name__}: {one_line(error)}"
+        watch.outcome = f"{FAILED}{type(error).__name__}: {one_line(error)}"
     planner = diagram.GetSubsystemByName("sorting_planner")
     unfinished = None if watch.outcome else planner.unfinished(planner.GetMyContextFromRoot(root))
     seconds = dict(costs.seconds)

@@ -11,6 +11,7 @@ from pydrake.systems.primitives import LogVectorOutput
 from sum_drake.assets import one_line
 from sum_drake.executed import LimitUse, limit_use
 from sum_drake.objects import Catalogue
+from sum_drake.summary_schema import FAILED
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.ports import abstract
 from sum_drake.systems.referee import Referee, TruthSample
@@ -128,7 +129,7 @@ def run_picks(
                 told[observation] = {k: readonly(X_WBs[i].GetAsMatrix4()) for k, i in object_bodies(station).items()}
                 perception.FixValue(of_planner, abstract(_blind(observation)))
     except (Exception, SystemExit) as failure:  # Drake's failed assertions come as SystemExit
-        outcome = f"stopped: failed: {type(failure).__name__}: {one_line(failure)}"
+        outcome = f"{FAILED}{type(failure).__name__}: {one_line(failure)}"
     unfinished = None if outcome else planner.unfinished(of_planner)
     attempts: tuple[Attempt, ...] = planner.GetOutputPort("attempts").Eval(of_planner)
     return PickTrial(

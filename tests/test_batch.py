@@ -115,12 +115,33 @@ def test_a_run_that_gets_no_more_memory_is_a_result_with_its_reason(tmp_path):
     assert "memory" in episode.reason or "ended by SIG" in episode.reason
 
 
-def test_a_run_that_fails_and_says_why_is_told_as_that(undisturbed):
-    spec, done = EpisodeSpec(5, "", 1.0, 512), episodes._Done(1, False, 2.0, 3.0, 4.0)
-    episode = episodes._judge(spec, done, "said", undisturbed / "5")
-    outcome = json.loads((undisturbed / "5" / "summary.json").read_text())["outcome"]
-    assert (episode.state, episode.reason, episode.log) == ("failed", outcome, "said")
-    assert episode.row()["digest"] == digests(undisturbed)[5]
+FAILED_RUN = EpisodeSpec(5, "", 1.0, 512), episodes._Done(1, False, 2.0, 3.0, 4.0), "said\nno memory"
+
+
+def test_a_run_that_fails_and_says_why_is_told_as_that(undisturbed, tmp_path):
+    summary = json.loads((undisturbed / "5" / "summary.json").read_text())
+    outcome = "stopped: failed: ValueError: no such thing"
+    (tmp_path / "summary.json").write_text(json.dumps(summary | {"outcome": outcome}))
+    episode = episodes._judge(*FAILED_RUN, tmp_path)
+    assert (episode.state, episode.reason, episode.log) == ("failed", outcome, "said\nno memory")
+    assert episode.row()["digest"] == summary["digest"]
+
+
+def test_a_run_that_ended_well_and_could_not_be_reported_says_that(undisturbed):
+    episode = episodes._judge(*FAILED_RUN, undisturbed / "5")
+    assert (episode.state, episode.reason) == ("failed", "exit status 1; last: no memory")
+
+
+def test_a_full_disk_ends_a_batch_and_is_no_result(tmp_path, monkeypatch, capsys):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr("sum_drake.episodes.shutil.disk_usage", lambda _: usage._replace(free=4096))
+    out = tmp_path / "out"
+    assert main(batch(out, "--workers", "1", "--time-limit", "1")) == 2
+    assert f"{out / '.work'}: No space left on device" in capsys.readouterr().err
+    assert not list(out.glob("*/episode.json"))
+    monkeypatch.undo()
+    told = batch(out, "--workers", "1", "--time-limit", "1", runs=1)
+    assert main(told) == 0 and list(out.glob("*/episode.json")), "with room, what ends badly is one"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -217,6 +238,11 @@ def test_what_a_killed_batch_left_and_cannot_be_removed_is_no_obstacle(tmp_path,
     monkeypatch.setattr(shutil, "rmtree", keep_work)
     assert main(batch(out, "--time-limit", "1", runs=1)) == 0
     assert told(out)["done"] == 1 and (out / "5" / "episode.json").is_file()
+
+
+def test_a_clusters_workers_are_not_this_machines(tmp_path, capsys):
+    line = refused(capsys, *batch(tmp_path / "out", "--cluster", "tcp://127.0.0.1:8786", "--workers", "2"))
+    assert "--workers 2: of this machine; expected none with --cluster" in line and not (tmp_path / "out").exists()
 
 
 def test_a_batch_says_what_made_its_runs_whoever_counts_them(undisturbed, tmp_path, capsys):

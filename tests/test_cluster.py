@@ -1,5 +1,6 @@
 """A batch on a Dask cluster: here a scheduler and two workers on the loopback, one of which is killed."""
 
+import contextlib
 import json
 import shutil
 import socket
@@ -147,7 +148,9 @@ def test_where_there_is_no_worker_it_is_said_how_to_have_one(scheduler, tmp_path
         with pytest.raises(TimeoutError):
             running.result(timeout=2 * impatient.patience_s)
         worker.kill()
-        with pytest.raises(RuntimeError, match="no worker for 2 s; the same command goes on"):
+        with pytest.raises(
+            RuntimeError, match=r"no worker for 2 s; start one, dask worker .*, and the same command goes on"
+        ):
             running.result(timeout=60)
 
 
@@ -178,7 +181,10 @@ def wait_for(condition, running):
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("address", ["foo", "tcp://127.0.0.1:port", "http://127.0.0.1:8786", "tcp://127.0.0.1:9"])
+@pytest.mark.parametrize(
+    "address",
+    ["foo", "", "tcp://127.0.0.1:port", "tcp://127.0.0.1:99999", "http://127.0.0.1:8786", "tcp://127.0.0.1:9"],
+)
 def test_where_nobody_answers_it_is_said_and_nothing_written(address, tmp_path):
     """In a process of its own: what a client leaves behind is said when that ends."""
     call = [sys.executable, "-m", "sum_drake", *batch(tmp_path / "out", "--cluster", address)]
@@ -188,6 +194,11 @@ def test_where_nobody_answers_it_is_said_and_nothing_written(address, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_scheduler_that_is_spoken_to_in_secret_needs_certificates():
+    with pytest.raises(InputError, match="no certificates; expected them in Dask's settings"):
+        Cluster("tls://127.0.0.1:8786").check()
+
+
 def test_a_worker_on_which_something_else_is_installed_runs_nothing():
     spec, here = EpisodeSpec(5, "", 1.0, 512), _installed(None)
     for part, words in {"code": "another version of the program", "models": "other models"}.items():
@@ -195,3 +206,36 @@ def test_a_worker_on_which_something_else_is_installed_runs_nothing():
             _run_same(spec, None, {**here, part: "0" * 16})
     with pytest.raises(RuntimeError, match=f"drake {here['drake']} and not 1.0"):
         _run_same(spec, None, {**here, "drake": "1.0"})
+
+
+def test_a_worker_that_cannot_render_runs_nothing(scheduler, monkeypatch):
+    monkeypatch.setattr("sum_drake.cluster._problem", lambda: "cannot render: no EGL")
+    with pytest.raises(RuntimeError, match="cannot render: no EGL"):
+        _run_same(EpisodeSpec(5, "", 1.0, 512), None, _installed(None))
+    address, start_worker, _ = scheduler
+    with monkeypatch.context() as patched:
+        patched.setenv("LD_LIBRARY_PATH", "/nowhere")
+        patched.setenv("__EGL_VENDOR_LIBRARY_DIRS", "/nowhere")
+        start_worker()
+    with pytest.raises(InputError, match=r"worker tcp://.* cannot render: .*; expected EGL"):
+        Cluster(address).check()
+
+
+@pytest.mark.parametrize("words", ["", "HTTP/1.1 400 Bad Request\r\n", "no"])
+def test_who_is_no_scheduler_is_told_of_at_once(words, monkeypatch):
+    """A dashboard, whose port is one higher, says nothing until it is asked; a client would wait for ever."""
+    monkeypatch.setattr("sum_drake.cluster.CONNECT_S", 2.0)
+    with socket.create_server(("127.0.0.1", 0)) as server, ThreadPoolExecutor(1) as pool:
+
+        def answer():
+            there, _ = server.accept()
+            with there:
+                there.sendall(words.encode())
+                there.settimeout(10.0)
+                with contextlib.suppress(ConnectionResetError):  # it went without reading all
+                    assert words == "no" or not there.recv(1), "whoever asked has gone"
+
+        answered = pool.submit(answer)
+        with pytest.raises(InputError, match=r"(no word in 2 s|something else answers); expected a Dask scheduler"):
+            Cluster(f"tcp://127.0.0.1:{server.getsockname()[1]}").check()
+        answered.result(timeout=20)

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -43,6 +44,7 @@ def add(commands: Commands) -> None:
     batch.add_argument("--first-seed", type=int, default=0, metavar="S", help="seeds are S, S + 1, ... (default: 0)")
     add_scenario(batch)
     add_parallel(batch, "--workers", "runs at a time on this machine")
+    batch.set_defaults(workers=None)  # so that it is known whether it was asked for
     batch.add_argument("--cluster", metavar="ADDRESS", help="run them on this Dask cluster instead (extra `cluster`)")
     batch.add_argument(
         "--time-limit", type=float, default=TIME_LIMIT_S, metavar="SECONDS",
@@ -88,11 +90,12 @@ def _run(options: argparse.Namespace) -> None:
     from sum_drake.batch import Processes, check_batch, run_batch
     from sum_drake.cluster import Cluster
     from sum_drake.doctor import require_rendering
-    from sum_drake.report_parts import count
 
     check_count("--runs", options.runs)
     check_count("--first-seed", options.first_seed, 0)
     check_count("--workers", options.workers)
+    if options.cluster is not None and options.workers is not None:
+        raise InputError(f"--workers {options.workers}: of this machine; expected none with --cluster")
     if not 0 < options.time_limit <= LONGEST_S:
         raise InputError(f"--time-limit {options.time_limit:g}: expected more than 0 and at most {LONGEST_S:g} seconds")
     if not LEAST_MIB <= options.memory_limit <= MOST_MIB:
@@ -104,29 +107,35 @@ def _run(options: argparse.Namespace) -> None:
     check_batch(options.out, settings)
     if options.cluster is None:
         require_rendering()
-        executor: Processes | Cluster = Processes(options.workers)
+        executor: Processes | Cluster = Processes(options.workers or os.cpu_count() or 1)
     else:
         executor = Cluster(options.cluster, Path(scenario.catalogue) if scenario.catalogue else None)
         if any(not (options.out / str(spec.seed) / "episode.json").is_file() for spec in specs):
             if not options.quiet:
-                print(f"{options.cluster}: asking the scheduler and its workers", file=sys.stderr)
+                waiting = f"for which it waits {executor.patience_s:g} s if there are none"
+                print(f"{options.cluster}: asking the scheduler and its workers, {waiting}", file=sys.stderr)
             executor.check()
     kept = f"{options.out} keeps what was done: the same command goes on"
     with if_interrupted(lambda: kept, quiet=options.quiet):
         told = run_batch(options.out, specs, settings, executor, Counting(quiet=options.quiet))
-    if not options.quiet:
-        figures = told["figures"]
-        share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))
-        interval = "" if low is None else f" (95 % interval {low:.3f} to {high:.3f})"
-        done, objects = round((share or 0.0) * figures["objects"]), figures["objects"]
-        said = "" if share is None else f", {share:.3f}{interval}"
-        print(f"{count(round(figures['runs']), 'run')}: {done} of {objects:.0f} objects sorted{said}")
-        for cause, lost in told["causes"].items():
-            print(f"  lost: {lost}, {cause}")
-        asked = {str(spec.seed) for spec in specs}
-        apart = sum(path.parent.name not in asked for path in options.out.glob("*/episode.json"))
-        if apart:
-            print(f"  kept and not told of, as not asked for: {count(apart, 'run')}")
-        print(options.out / "batch.json")
-        again = " --force" if (options.out / "report.html").exists() else ""
-        print(f"a page of it: sum-drake report {shlex.quote(str(options.out))}{again}")
+    _tell(told, options.out, {str(spec.seed) for spec in specs})
+
+
+def _tell(told: "dict[str, Any]", out: Path, asked: set[str]) -> None:
+    """Prints what a batch has come to. asked: seeds of its runs; the folder may hold more."""
+    from sum_drake.report_parts import count
+
+    figures = told["figures"]
+    share, low, high = (figures[f"objects_sorted_{what}"] for what in ("share", "low95", "high95"))
+    interval = "" if low is None else f" (95 % interval {low:.3f} to {high:.3f})"
+    done, objects = round((share or 0.0) * figures["objects"]), figures["objects"]
+    said = "" if share is None else f", {share:.3f}{interval}"
+    print(f"{count(round(figures['runs']), 'run')}: {done} of {objects:.0f} objects sorted{said}")
+    for cause, lost in told["causes"].items():
+        print(f"  lost: {lost}, {cause}")
+    apart = sum(path.parent.name not in asked for path in out.glob("*/episode.json"))
+    if apart:
+        print(f"  kept and not told of, as not asked for: {count(apart, 'run')}")
+    print(out / "batch.json")
+    again = " --force" if (out / "report.html").exists() else ""
+    print(f"a page of it: sum-drake report {shlex.quote(str(out))}{again}")

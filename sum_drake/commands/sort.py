@@ -51,6 +51,7 @@ def _run(options: argparse.Namespace) -> None:
     from sum_drake.jsonio import write_json
     from sum_drake.report import write_report
     from sum_drake.runlog import RunLogWriter
+    from sum_drake.summary_schema import FAILED
     from sum_drake.systems.episode import run
     from sum_drake.systems.scenario import catalogue_of, dump_scenario
     from sum_drake.systems.verdict import score
@@ -112,7 +113,7 @@ def _run(options: argparse.Namespace) -> None:
         f"{episode.sim_time_s:.0f} s simulated in {episode.wall_s:.0f} s; {out / 'report.html'}"
     )
     if episode.error is not None:
-        raise RuntimeError(summary["outcome"].removeprefix("stopped: failed: ")) from episode.error
+        raise RuntimeError(summary["outcome"].removeprefix(FAILED)) from episode.error
 
 
 RUN_FILES = ("scenario.yaml", "run.mcap", "summary.json", "report.html")
