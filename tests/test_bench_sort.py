@@ -7,7 +7,7 @@ from refusals import refused
 from test_batch_figures import attempt, run
 
 from sum_drake.assets import InputError
-from sum_drake.batch import Processes
+from sum_drake.batch import Processes, run_batch
 from sum_drake.batch_folder import read_episodes
 from sum_drake.bench.sort import AIMS, PAPER, aims_for, bench_sort, read_batches, sort_figures
 from sum_drake.cli import main
@@ -85,11 +85,24 @@ def test_what_is_no_batch_is_refused_before_anything_is_run(tmp_path, capsys):
     assert "no batch" in line and not (tmp_path / "out").exists()
 
 
+def test_a_batch_of_which_nothing_is_done_is_refused(tmp_path):
+    specs, settings = prepare(load_scenario(seed=3), 3, 2)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(tmp_path / "b", specs, settings, Processes(1), interrupt)
+    with pytest.raises(InputError, match="none of its 2 runs is done; expected some"):
+        read_batches([tmp_path / "b"], lambda count: settings)
+
+
 def test_a_run_counts_once_and_the_page_says_what_the_runs_were_of(tmp_path, capsys):
     text = "{objects: {labels: [soup_can]}, simulation_duration: 0.3}"
     batch = ["batch", "--runs", "1", "--first-seed", "5", "--scenario-text", text, "--quiet"]
     for name in ("a", "b"):
         assert main([*batch, "--out", str(tmp_path / name)]) == 0
+    assert capsys.readouterr().out.startswith("1 run: 0 of 1 objects sorted"), "results go there, quiet or not"
     line = refused(capsys, "bench", "sort", "--quick", "--out", str(tmp_path / "out"), "--batch", str(tmp_path / "a"))
     assert "is of another scenario" in line and not (tmp_path / "out").exists()
     specs, settings = prepare(load_scenario(text=text, seed=3), 3, 1)

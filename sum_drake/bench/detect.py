@@ -82,6 +82,7 @@ def bench_detect(
             "weights_sha256": hashlib.sha256((DEFAULT if weights is None else weights).read_bytes()).hexdigest(),
             "threshold": detector.threshold,
             "proposer": LEARNED,
+            "seed": seed,
             "device": device,
             "workers": workers,
             "wall_s": time.monotonic() - start,

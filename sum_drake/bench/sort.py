@@ -88,14 +88,18 @@ def read_batches(folders: Sequence[Path], usual: Callable[[int], Mapping[str, An
     """The runs of batches.
 
     usual: settings of runs of so many objects that nothing was changed about. Raises InputError for a folder that is no
-    batch or one of another scenario, other objects or weights, and for a run that is in two of them.
+    batch, one of another scenario, other objects or weights, or one of which nothing is done, and for a run that is
+    in two of them.
     """
     for folder in folders:
-        made = read_batch(folder)["settings"]
+        begun = read_batch(folder)
+        made = begun["settings"]
         expected = usual(made["objects"])
         differs = different(made, {name: expected[name] for name in SAME})
         if differs:
             raise InputError(f"--batch {folder}: is of {differs}; expected runs of the scenario as it comes")
+        if not begun["episodes"]:
+            raise InputError(f"--batch {folder}: none of its {begun['runs']} runs is done; expected some")
     rows = [(folder, row) for folder in folders for row in read_episodes(folder)]
     first: dict[tuple[int, int], Path] = {}
     for folder, row in rows:

@@ -111,6 +111,7 @@ def bench_speed(
     settings = {
         "repeats": on.repeats,
         "catalogue": catalogue.path.name,
+        "seed": seed,
         "device": device,
         "wall_s": round(time.monotonic() - start, 1),
     }

@@ -17,6 +17,7 @@ from sum_drake.commands.common import (
     add_parallel,
     add_quiet,
     check_count,
+    check_device,
     check_free,
     check_makeable,
     if_interrupted,
@@ -33,6 +34,8 @@ FIRST_SEEDS = {"sort": 500, "faults": 710, "ablations": 1300}
 """What each was mended on, and was not, is in benchmarks/seeds.md."""
 ANEW = ("detect", "speed")
 """Those that begin anew where they were cut off."""
+ON_DEVICE = ("detect", "pose", "speed")
+"""Those that take a device."""
 
 
 def add(benches: Commands) -> None:
@@ -54,7 +57,9 @@ def add(benches: Commands) -> None:
         "--faults", action="store_true", help="things go wrong on purpose in each run, as in `bench faults`"
     )
     worth.add_argument("--runs", type=int, metavar="N", help="of each variant (default: 20; with --quick 1)")
-    worth.add_argument("--variants", nargs="+", metavar="NAME", help="some of them, beside the default (default: all)")
+    worth.add_argument(
+        "--variants", nargs="+", metavar="NAME", help="some of them, beside what they are compared with (default: all)"
+    )
     worth.add_argument(
         "--default", type=Path, metavar="DIR",
         help="folder of `sum-drake batch` whose runs of the same seeds stand for the default's",
@@ -64,6 +69,8 @@ def add(benches: Commands) -> None:
     )
     every.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of their folders; goes on there")
     every.add_argument("--quick", action="store_true", help="each in its short form")
+    every.add_argument("--seed", type=int, metavar="S", help="of each (default: each one's own)")
+    every.add_argument("--device", default="cpu", metavar="D", help="cpu (default) or cuda, of those that can use one")
     add_parallel(every, "--workers", "processes")
     add_quiet(every)
 
@@ -177,10 +184,12 @@ def _run(
 def _bench_all(options: argparse.Namespace) -> None:
     """Those whose results are there are not done again."""
     check_count("--workers", options.workers)
+    check_count("--seed", options.seed, 0)
+    check_device(options.device)
     check_free(options.out, BENCHES, force=True, what="bench all")
     if not options.out.is_dir():
         check_makeable(options.out)
-    done = {name for name in BENCHES if _is_done(options.out / name / "results.json", name, options.quick)}
+    done = {name for name in BENCHES if _is_done(options, name)}
     failed = []
     for name in (name for name in BENCHES if name not in done):
         out = options.out / name
@@ -188,6 +197,8 @@ def _bench_all(options: argparse.Namespace) -> None:
         arguments += ["--quick"] if options.quick else []
         arguments += ["--force"] if name in ANEW and out.is_dir() else []
         arguments += [] if name == "speed" else ["--workers", str(options.workers)]
+        arguments += [] if options.seed is None else ["--seed", str(options.seed)]
+        arguments += ["--device", options.device] if name in ON_DEVICE else []
         arguments += ["--quiet"] if options.quiet else []
         print(f"sum-drake {' '.join(arguments)}", file=sys.stderr, flush=True)
         code = options.main(arguments)
@@ -199,23 +210,28 @@ def _bench_all(options: argparse.Namespace) -> None:
         raise RuntimeError(f"{', '.join(failed)}: see above")
 
 
-def _is_done(file: Path, name: str, quick: bool) -> bool:
+def _is_done(options: argparse.Namespace, name: str) -> bool:
     """Whether a bench's results are there. Raises InputError where they are others than would be made now."""
     from sum_drake.bench.results import SCHEMA
     from sum_drake.doctor import versions
     from sum_drake.fingerprint import code, different
 
+    file = options.out / name / "results.json"
     if not file.is_file():
         return False
+    seed = FIRST_SEEDS.get(name, 0) if options.seed is None else options.seed
+    device = {"device": options.device} if name in ON_DEVICE else {}
+    key = "first_seed" if name in FIRST_SEEDS else "seed"
+    asked = {"code": code(), key: seed, **device, **versions()}
     try:
         told = json.loads(file.read_text())
         found = told["schema"], told["bench"], told["quick"]
-        other = different({"code": told["settings"].get("code"), **told["versions"]}, {"code": code(), **versions()})
+        other = different({**told["settings"], **told["versions"]}, asked)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file}: {one_line(error)}; expected results of bench {name}") from None
     if found[:2] != (SCHEMA, name):
         raise InputError(f"{file}: of bench {found[1]}, {found[0]}; expected results of bench {name}, {SCHEMA}")
-    if found[2] != quick:
+    if found[2] != options.quick:
         raise InputError(f"{file}: of the {'short' if found[2] else 'long'} form; expected a new --out")
     if other:
         raise InputError(f"{file}: is of {other}; expected a new --out")
