@@ -49,6 +49,8 @@ def special(data: dict[str, Any]) -> str:
     settings = data["settings"]
     if settings.get("faults"):
         return "with faults"
+    if data["bench"] == "sort" and not settings.get("batches"):
+        return "of the sequences alone"
     for bench, parts, all_parts in (("pose", "methods", METHODS), ("ablations", "variants", VARIANTS)):
         if data["bench"] == bench and set(settings[parts]) != set(all_parts):
             return f"of {', '.join(settings[parts])}"

@@ -163,6 +163,12 @@ def pairs(a: Sequence[Row], b: Sequence[Row]) -> list[tuple[int, Row | None, Row
     return [(seed, in_a.get(seed), in_b.get(seed)) for seed in sorted(in_a.keys() | in_b.keys())]
 
 
+def same_runs(a: Sequence[Row], b: Sequence[Row]) -> int:
+    """How many runs of the same seeds are the same to the last bit, by their digests."""
+    both = [(x, y) for _, x, y in pairs(a, b) if x is not None and y is not None]
+    return sum(x.get("digest") is not None and x.get("digest") == y.get("digest") for x, y in both)
+
+
 @dataclasses.dataclass(frozen=True)
 class Gain:
     """How much more of the objects B sorted than A, in runs of the same seeds."""

@@ -30,13 +30,13 @@ def made_of(batches: Iterable[Batch], *, quick: bool = False) -> str:
     return short + "".join(f"<p>{page.text(line)}</p>" for line in said)
 
 
-def link(seed: int, run: str, within: Path | None) -> str:
-    """A run's seed, HTML, that leads to its report where there is one.
+def link(words: object, run: str, within: Path | None) -> str:
+    """What is said of a run, such as its seed, HTML, that leads to its report where there is one.
 
     run: the run's folder as the page has it. within: the page's folder; None: it cannot lead to the run.
     """
     there = within is not None and (within / run / "report.html").is_file()
-    return f'<a href="{page.text(quote(run))}/report.html">{seed}</a>' if there else str(seed)
+    return f'<a href="{page.text(quote(run))}/report.html">{words}</a>' if there else str(words)
 
 
 def seeds_of(batch: Batch) -> str:
@@ -54,7 +54,7 @@ def packages(batch: Batch, names: Sequence[str] = ("sum-drake", "drake", "python
 def tiles(figures: Mapping[str, float | None]) -> str:
     """What matters most of `batch_figures`, large; HTML."""
     low, high = figures.get("objects_sorted_low95"), figures.get("objects_sorted_high95")
-    interval = "" if low is None or high is None else f", {low:.3f} to {high:.3f}"
+    interval = "" if low is None or high is None else f", 95 % interval {low:.3f} to {high:.3f}"
 
     def figure(name: str) -> str:
         return shown(figures.get(name))

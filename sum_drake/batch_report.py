@@ -1,11 +1,11 @@
 """A batch, or two side by side, as one HTML page that opens without a network."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sum_drake import page
-from sum_drake.batch_figures import Row, paired_difference, pairs
+from sum_drake.batch_figures import Row, paired_difference, pairs, same_runs
 from sum_drake.batch_folder import read_batch
 from sum_drake.batch_parts import Batch, link, made_of, seeds_of, shown, tiles
 from sum_drake.files import write_whole
@@ -29,7 +29,7 @@ def write_batch_report(folders: Sequence[Path], out: Path) -> Path:
         within = out.resolve().parent == folders[0].resolve()
         write_whole(out, _one(names[0], batches[0], folders[0] if within else None))
     else:
-        write_whole(out, _two(names, batches[0], batches[1]))
+        write_whole(out, _two(names, folders, batches, out.resolve().parent))
     return out
 
 
@@ -62,7 +62,10 @@ def _one(name: str, batch: Batch, folder: Path | None) -> str:
     )
 
 
-def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
+def _two(names: Sequence[str], folders: Sequence[Path], batches: Sequence[Batch], at: Path) -> str:
+    """at: where the page goes; it leads to runs that are below."""
+    a, b = batches
+    lead = [_lead_into(folder, at) for folder in folders]
     heads = "".join(
         f'<div><section class="head"><p><b>{of}</b> {page.text(name)}</p></section>{_head(batch)}'
         f"{tiles(batch['figures'])}</div>"
@@ -81,7 +84,7 @@ def _two(names: Sequence[str], a: Batch, b: Batch) -> str:
             _losses([a, b]),
             *_errors([a, b]),
             "<h2>Runs that differ</h2>",
-            _differing(a, b),
+            _differing(a, b, lead),
             "<h2>Made with</h2>",
             *(f"<h3>{of}</h3>{made_of([batch])}" for of, batch in zip("AB", (a, b), strict=True)),
         ],
@@ -97,7 +100,7 @@ def _verdict(a: Batch, b: Batch) -> str:
     both = [(x, y) for _, x, y in pairs(a["episodes"], b["episodes"]) if x is not None and y is not None]
     if not both:
         return "They have no seed in common: how they compare is told by their intervals alone."
-    same = sum(x.get("digest") is not None and x.get("digest") == y.get("digest") for x, y in both)
+    same = same_runs(a["episodes"], b["episodes"])
     if same == len(both):
         return f"All {len(both)} runs of the same seeds are the same to the last bit: their digests are equal."
     words = f"{same} of {len(both)} runs of the same seeds are the same to the last bit."
@@ -117,7 +120,7 @@ def _verdict(a: Batch, b: Batch) -> str:
 def _settings(a: Batch, b: Batch) -> str:
     first, second = ({k: v for k, v in batch["settings"].items() if k != "first_seed"} for batch in (a, b))
     differs = different(first, second)
-    return f"A against B: {differs}." if differs else "The same program, objects and scenario."
+    return f"What A is of, and B is not: {differs}." if differs else "The same program, objects and scenario."
 
 
 def _figures(a: Mapping[str, Any], b: Mapping[str, Any]) -> str:
@@ -154,12 +157,27 @@ def _errors(batches: Sequence[Batch]) -> list[str]:
     return ["<h2>Manipulation errors</h2>", page.table(heads, rows) if rows else "<p>None.</p>"]
 
 
-def _differing(a: Batch, b: Batch) -> str:
+def _lead_into(folder: Path, at: Path) -> Callable[[int, str], str]:
+    """Words about a run of a seed that lead to its report, where the page at `at` can."""
+
+    def lead(seed: int, words: str) -> str:
+        if not folder.resolve().is_relative_to(at):
+            return words
+        return link(words, (folder.resolve() / str(seed)).relative_to(at).as_posix(), at)
+
+    return lead
+
+
+def _differing(a: Batch, b: Batch, lead: Sequence[Callable[[int, str], str]]) -> str:
+    """lead: into either's runs."""
     rows = []
     for seed, x, y in pairs(a["episodes"], b["episodes"]):
-        if x is not None and y is not None and x.get("digest") is not None and x.get("digest") == y.get("digest"):
+        if x is not None and y is not None and same_runs([x], [y]):
             continue
-        ends = [page.chip("not there", "plain") if one is None else _run(one)[0] for one in (x, y)]
+        ends = [
+            page.chip("not there", "plain") if one is None else to(seed, _run(one)[0])
+            for one, to in zip((x, y), lead, strict=True)
+        ]
         gain = 0 if x is None or y is None else y.get("objects_sorted", 0) - x.get("objects_sorted", 0)
         mark = page.chip(f"{gain:+d}", "good" if gain > 0 else "bad") if gain else ""
         rows.append([str(seed), *ends, mark, *("" if one is None else page.text(_reason(one)) for one in (x, y))])

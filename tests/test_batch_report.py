@@ -1,6 +1,7 @@
 """Pages about batches."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +149,7 @@ def test_of_two_runs_nothing_is_made(tmp_path: Path) -> None:
         "B sorted -1.000 of the objects against A (95 % interval -1.000 to +0.191)" in words
         and "chance may have given it, p = 0.5" in words
     )
-    assert "2 of 2" in words_of(a) and "objects sorted: 1.000, 0.158 to 1.000" in words_of(a)
+    assert "2 of 2" in words_of(a) and "objects sorted: 1.000, 95 % interval 0.158 to 1.000" in words_of(a)
 
 
 def test_a_run_that_died_counts_in_either_batch(tmp_path: Path) -> None:
@@ -200,6 +201,15 @@ def test_the_command_tells_batches_from_runs(tmp_path: Path, capsys: pytest.Capt
     assert main(["report", str(a)]) == 0
     page = (a / "report.html").read_text()
     assert 'href="1/report.html"' in page and 'href="0/report.html"' not in page, "one leads to the runs that are there"
+    (b / "0").mkdir()
+    (b / "0" / "report.html").write_text("<p>A run.</p>")
+    write_json(b / "batch.json", json.loads((b / "batch.json").read_text()) | {"episodes": [row(0, 4), row(1, 3)]})
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    for page, leads in ((out, True), (elsewhere / "both.html", False)):
+        assert main(["report", str(a), str(b), "--force", "--out", str(page)]) == 0
+        found = set(re.findall(r'href="([^"]*)"', page.read_text()))
+        assert found == ({"a/1/report.html", "b/0/report.html"} if leads else set()), "to runs below the page"
     (tmp_path / "run").mkdir()
     assert main(["report", str(a), str(tmp_path / "run"), "--out", str(tmp_path / "no.html")]) == 2
     assert "not a batch" in capsys.readouterr().err

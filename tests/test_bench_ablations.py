@@ -41,6 +41,10 @@ def test_gains_are_over_the_pours_that_both_sorted():
     assert (found["no_existence.pairs_that_differ"], found["no_existence.gain_p"]) == (3, 0.25), "no proof"
     assert found["no_memory.gain"] != found["no_memory.gain"], "of one pair nothing can be told"
     assert "default.gain" not in found
+    digests = {DEFAULT: "ab", "no_memory": "ac"}
+    same = figures({name: [row | {"digest": d} for row, d in zip(pours([0, 0]), of, strict=True)]
+                    for name, of in digests.items()})  # fmt: skip
+    assert same["no_memory.runs_the_same"] == 1 and found["no_existence.runs_the_same"] == 0, "without a digest, none"
     assert {f"default.{name}" for name in FIGURES} <= found.keys()
 
 

@@ -78,7 +78,7 @@ def test_a_report_goes_where_it_is_told_and_two_runs_side_by_side(capsys, tmp_pa
     assert main(["report", "one", "two"]) == 0
     assert capsys.readouterr().out == "report_one_two.html\n"
     assert "--force" in refused(capsys, "report", "one", "two")
-    assert "a third run" in refused(capsys, "report", "one", "two", "one")
+    assert "one: one too many" in refused(capsys, "report", "one", "two", "one")
     assert "no such folder" in refused(capsys, "report", "one", "three")
     assert "cannot be written" in refused(capsys, "report", "one", "--out", str(tmp_path / "none" / "x.html"))
     assert main(["report", "one", "--no-video", "--out", "x.html"]) == 0

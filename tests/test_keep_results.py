@@ -44,6 +44,7 @@ def test_what_is_not_the_result_of_its_name_wants_another(keeping, tmp_path, mon
     whole = {"schema": keeping.SCHEMA, "rows": []}
     for name, data, said in (
         ("short", {"bench": "sort", "quick": True, "settings": {}}, "of the short form"),
+        ("eight", {"bench": "sort", "settings": {"batches": []}}, "of the sequences alone; expected a name"),
         ("faulty", {"bench": "ablations", "settings": {"faults": True}}, "with faults; expected a name"),
         ("few", {"bench": "ablations", "settings": {"variants": {"default": ""}}}, "of default; expected a name"),
         ("some", {"bench": "pose", "settings": {"methods": ["default", "no_flips"]}}, "of default, no_flips; expected"),

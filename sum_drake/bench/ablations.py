@@ -14,7 +14,7 @@ from typing import Any
 from sum_drake import page
 from sum_drake.assets import InputError
 from sum_drake.batch import Executor, check_batch, run_batch
-from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference
+from sum_drake.batch_figures import Row, causes, known_figures, losses, paired_difference, same_runs
 from sum_drake.batch_folder import brief, made_by, read_batch, read_episodes
 from sum_drake.batch_parts import by_cause, every_loss, link, made_of
 from sum_drake.bench.aims import number
@@ -161,7 +161,7 @@ def _check_default(folder: Path, specs: Sequence[EpisodeSpec], settings: Mapping
 def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
     """VARIANT.NAME -> value: `batch_figures`, and of the objects how many more it sorts than what it is against.
 
-    With faults, what became of them, too.
+    With faults, what became of them, too. CPU seconds of variants say little: a batch may have been run beside others.
     """
     found: dict[str, float] = {}
     for name, of in rows.items():
@@ -173,11 +173,14 @@ def figures(rows: Mapping[str, Sequence[Row]]) -> dict[str, float]:
             gain = paired_difference(rows[VARIANTS[name].against], of)
             told = (float("nan"),) * 5 if gain is None else dataclasses.astuple(gain)[1:]
             found |= dict(zip((f"{name}.{figure}" for figure in GAIN), told, strict=True))
+            found[f"{name}.{SAME}"] = float(same_runs(rows[VARIANTS[name].against], of))
     return found
 
 
 GAIN = ("pairs_that_differ", "gain", "gain_low95", "gain_high95", "gain_p")
 """Of a variant against another, as `batch_figures.Gain` has them."""
+SAME = "runs_the_same"
+"""Of a variant: runs that are, to the last bit, those of what it is compared with. What was changed never mattered."""
 WITHIN_2 = "dealt_with_within_2"
 INTERVALS = {"objects_sorted_share": ("", "objects_sorted"), "gain": ("+", "gain")}
 """Columns that have one: sign of what is told, and what stands before the names of its ends."""
@@ -197,8 +200,8 @@ def worth_table(found: Mapping[str, float | None]) -> list[tuple[str, ...]]:
     known = {name: float("nan") if value is None else float(value) for name, value in found.items()}
     columns = {
         "runs": "runs", "objects_sorted_share": "objects sorted", "against": "compared with", "gain": "gain",
-        "pairs_that_differ": "pairs that differ", "gain_p": "p", "missorted": "missorted",
-        "trials_per_object": "trials an object", "cpu_s_per_run_median": "CPU s a run",
+        "pairs_that_differ": "pairs that differ", "gain_p": "p", SAME: "runs the same", "missorted": "missorted",
+        "trials_per_object": "trials an object",
     }  # fmt: skip
     if any(name.endswith(WITHIN_2) for name in known):
         columns[WITHIN_2] = "faults dealt with within two looks"
@@ -241,7 +244,8 @@ def _page(
             "<h1>What each ingredient is worth</h1>",
             "<p>The same pours, sorted with one thing changed of what a variant is compared with. Gain: of the "
             "objects, how many more are sorted than by that, over pairs of runs; in brackets, 95 % intervals; p: how "
-            "often signs drawn at random make as large a difference.</p>",
+            "often signs drawn at random make as large a difference. Pairs differ in how many were sorted; where runs "
+            "are the same, to the last bit, what was changed was never asked for.</p>",
             made_of(made, quick=quick),
             page.table(heads, [tuple(map(page.text, row)) for row in table]),
             "<h2>What was lost, by cause</h2>",

@@ -33,7 +33,7 @@ def _report(options: argparse.Namespace) -> None:
     from sum_drake.report_compare import write_comparison
 
     if len(options.runs) > 2:
-        raise InputError(f"{options.runs[2]}: a third run; expected one, or two to be compared")
+        raise InputError(f"{options.runs[2]}: one too many; expected one run or batch, or two to be compared")
     for run in options.runs:
         if not run.is_dir():
             what = "a file" if run.exists() else "no such folder"
