@@ -26,6 +26,7 @@ from sum_drake.bench.result_plots import (
     plan_plot,
     pose_plot,
     rows_of,
+    telling_plot,
     trials_plot,
 )
 from sum_drake.executed import KINDS
@@ -328,6 +329,7 @@ PLOTS: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
         for metres in pose_figures.PAPER_BOUNDS
     },
     "belief": (("reject",), belief_plot),
+    "telling": (("reject",), telling_plot),
     "paths": (("plan",), plan_plot),
     "sorted": (("batch5", "batch10"), lost_plot),
     "gains": (("ablations",), gain_plot),

@@ -1,8 +1,8 @@
 """Plots of results are of all that they tell, and of nothing else."""
 
-import numpy as np
 import pytest
 
+from sum_drake.bench.reject_figures import SAYERS
 from sum_drake.bench.result_plots import (
     belief_series,
     centimetres,
@@ -11,6 +11,7 @@ from sum_drake.bench.result_plots import (
     plan_plot,
     pose_plot,
     rows_of,
+    telling_plot,
     telling_series,
     trials_plot,
 )
@@ -54,15 +55,22 @@ def test_a_gain_that_cannot_be_told_is_named_all_the_same():
 
 def test_a_belief_that_knows_rejects_what_is_wrong_and_keeps_the_rest():
     rows = [
-        {"table": "hypothesis", "probability": p, "right": right, "p_box": 0.9, "p_label": 1.0, "likelihood": 0.5}
+        {"table": "hypothesis", "right": right, "said": {**dict.fromkeys(SAYERS, 0.5), "belief": p}, "probability": p}
         for p, right in ((0.9, True), (0.8, True), (0.1, False))
     ]
-    belief, score, detector = telling_series({"rows": rows})
-    assert [(float(x), float(y)) for x, y in zip(belief.x, belief.y, strict=True)] == [(1, 0), (1, 1), (0.5, 1)]
-    assert (list(score.x), list(score.y)) == ([1.0], [0.0]), "it says the same of all"
-    assert (score.name, detector.name) == ("the paper's p(x)", "detector")
+    series = telling_series({"rows": rows})
+    assert [one.name for one in series] == list(SAYERS.values())
+    belief, *others = ([*zip(map(float, one.x), map(float, one.y), strict=True)] for one in series)
+    assert belief == [(0, 1), (0.5, 1), (1, 1), (1, 0)]
+    assert others == [[(0, 1), (1, 0)]] * (len(SAYERS) - 1), "they say the same of all"
     diagonal, told = belief_series({"rows": rows})
-    assert not diagonal.name and len(np.asarray(told.x)) == len(np.asarray(told.y))
+    assert not diagonal.name
+    assert (list(told.x), list(told.y)) == (pytest.approx([0.1, 0.8, 0.9]), [0.0, 1.0, 1.0])
+
+
+def test_where_all_hypotheses_are_right_nothing_can_be_told():
+    row = {"table": "hypothesis", "right": True, "said": dict.fromkeys(SAYERS, 0.5)}
+    assert telling_series({"rows": [row, row]}) == [] and "<svg" in telling_plot({"rows": [row, row]})
 
 
 def test_losses_are_of_all_runs_a_crashed_one_too():

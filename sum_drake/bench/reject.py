@@ -14,7 +14,7 @@ from typing import Any
 
 from sum_drake.bench.hypotheses import FirstLook, first_look
 from sum_drake.bench.pose_scenes import FIRST_SCENE, other_meshes
-from sum_drake.bench.reject_figures import figures
+from sum_drake.bench.reject_figures import figures, said
 from sum_drake.bench.reject_report import report_page
 from sum_drake.bench.results import write_results
 from sum_drake.bench.resumed import Progress, RowLog, Task, run_tasks
@@ -129,7 +129,9 @@ def _tasks(size: Size, offset: int) -> list[Task]:
 
 
 def _rows(looks: list[FirstLook], trials: list[FirstLook], followed: list[Followed]) -> list[Mapping[str, Any]]:
-    rows: list[Mapping[str, Any]] = [{"table": "hypothesis"} | _flat(one) for look in looks for one in look.judged]
+    rows: list[Mapping[str, Any]] = [
+        {"table": "hypothesis"} | _flat(one) | {"said": said(one)} for look in looks for one in look.judged
+    ]
     rows += [{"table": "trial", "scene": t.table, "trial": t.trial, **encode(t.counted)} for t in trials]
     for each in followed:
         rows += [{"table": "outcome"} | _flat(one) for one in each.outcomes]

@@ -24,8 +24,14 @@ AIMS: Aims = {
     "paper.false_rejected": ("at least", 0.84),
 }
 """What the figures are to reach; the last is the paper's."""
-SAYERS = ("belief", "this look alone", "detector", "I / N", "p(b) p(o|b) I / N")
-"""What tells true hypotheses from false ones: ours and three others, see `said`."""
+SAYERS = {
+    "belief": "belief",
+    "look_alone": "this look alone",
+    "detector": "detector",
+    "inliers": "I / N",
+    "paper_score": "p(b) p(o|b) I / N",
+}
+"""What tells true hypotheses from false ones, in words: ours and three others, see `said`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,8 +53,8 @@ class Curve:
         return float(self.rejected[np.searchsorted(self.kept, kept - 1e-9)])
 
 
-def said(sayer: str, one: Judged) -> float:
-    """How sure one of SAYERS is of a hypothesis.
+def said(one: Judged) -> dict[str, float]:
+    """How sure each of SAYERS is of a hypothesis.
 
     I / N is the paper's likelihood (eq. 8) of the same estimate; its product with the detector's confidence is what
     the paper thresholds.
@@ -57,11 +63,11 @@ def said(sayer: str, one: Judged) -> float:
     explained = features["inliers"] / max(features["observed"], 1.0)
     return {
         "belief": one.probability,
-        "this look alone": features["p_look"],
+        "look_alone": features["p_look"],
         "detector": one.p_box * one.p_label,
-        "I / N": explained,
-        "p(b) p(o|b) I / N": one.p_box * one.p_label * explained,
-    }[sayer]
+        "inliers": explained,
+        "paper_score": one.p_box * one.p_label * explained,
+    }
 
 
 def roc(scores: Array, right: NDArray[np.bool_]) -> Curve:
@@ -70,6 +76,14 @@ def roc(scores: Array, right: NDArray[np.bool_]) -> Curve:
     kept = [float(np.mean(scores[right] >= t)) for t in thresholds]
     rejected = [float(np.mean(scores[~right] < t)) for t in thresholds]
     return Curve(np.array(kept), np.array(rejected))
+
+
+def curves(said: Sequence[Mapping[str, float]], right: Sequence[bool]) -> dict[str, Curve]:
+    """What can be told by each of SAYERS, of hypotheses of which this is said; nothing where all are alike."""
+    so = np.array(right, bool)
+    if so.all() or not so.any():
+        return {}
+    return {sayer: roc(np.array([one[sayer] for one in said]), so) for sayer in SAYERS}
 
 
 def stated(judged: Sequence[Judged]) -> Reliability:
@@ -133,11 +147,9 @@ def figures(looks: Sequence[FirstLook], trials: Sequence[FirstLook], followed: S
     )
     found["risk"] = _mean([not one.right for one in judged if one.accepted])
     found["hypotheses"], found["hypotheses_right"] = float(len(judged)), float(right.sum())
-    if right.any() and not right.all():
-        for sayer in SAYERS:
-            curve = roc(np.array([said(sayer, one) for one in judged]), right)
-            found[f"{_key(sayer)}.area_under_roc"] = curve.area
-            found[f"{_key(sayer)}.false_rejected_at_95_kept"] = curve.at(KEPT)
+    for sayer, curve in curves([said(one) for one in judged], [one.right for one in judged]).items():
+        found[f"{sayer}.area_under_roc"] = curve.area
+        found[f"{sayer}.false_rejected_at_95_kept"] = curve.at(KEPT)
     for detector, trained in (("trained", True), ("simulated", False)):
         of = [look for look in looks if look.judged and look.judged[0].trained == trained]
         wrong = [one for look in of for one in look.judged if not one.right]
@@ -204,10 +216,6 @@ def _paper(trials: Sequence[FirstLook]) -> dict[str, float]:
         "paper.standard_error": error,
         "paper.true_kept": _in_boxes(trials)[1],
     }
-
-
-def _key(sayer: str) -> str:
-    return {"this look alone": "look_alone", "I / N": "inliers", "p(b) p(o|b) I / N": "paper_score"}.get(sayer, sayer)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -8,7 +8,8 @@ from sum_drake import page
 from sum_drake.action_model import OUTCOMES
 from sum_drake.bench.aims import figure_table
 from sum_drake.bench.hypotheses import FirstLook, Judged
-from sum_drake.bench.reject_figures import AIMS, SAYERS, confusion, coverage_risk, recovered, roc, said, stated
+from sum_drake.bench.reject_figures import AIMS, confusion, coverage_risk, recovered, said, stated
+from sum_drake.bench.result_plots import telling_plot
 from sum_drake.bench.sequences import FAULTS, Followed, Outcome
 from sum_drake.plots import Series, line_plot
 
@@ -68,21 +69,8 @@ def report_page(
 
 
 def _roc_plot(judged: Sequence[Judged]) -> str:
-    right = np.array([one.right for one in judged])
-    lines = []
-    if right.any() and not right.all():
-        for sayer in SAYERS:
-            curve = roc(np.array([said(sayer, one) for one in judged]), right)
-            lines.append(Series(sayer, curve.kept, curve.rejected))
-    return line_plot(
-        lines,
-        title="Wrong ones rejected, right ones kept",
-        x_label="share of right ones kept",
-        y_label="share of wrong ones rejected",
-        x_range=SHARE,
-        y_range=SHARE,
-        size=SIZE,
-    )
+    rows = [{"table": "hypothesis", "right": one.right, "said": said(one)} for one in judged]
+    return telling_plot({"rows": rows})
 
 
 def _coverage_plot(looks: Sequence[FirstLook]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake.bench import pose_figures
+from sum_drake.bench.reject_figures import SAYERS, curves
 from sum_drake.plots import Series, interval_plot, line_plot
 from sum_drake.reliability import reliability
 from sum_drake.types import Array
@@ -100,18 +101,16 @@ def belief_plot(data: Result) -> str:
 def telling_series(data: Result) -> list[Series]:
     """Share of the wrong hypotheses that is rejected over the share of the right ones that is kept, by what tells."""
     rows = rows_of(data, "hypothesis")
-    right = np.array([row["right"] for row in rows], bool)
-    sayers = {
-        "belief": [row["probability"] for row in rows],
-        "the paper's p(x)": [row["p_box"] * row["p_label"] * row["likelihood"] for row in rows],
-        "detector": [row["p_box"] * row["p_label"] for row in rows],
-    }
-    series = []
-    for name, said in sayers.items():
-        kept, wrong, thresholds = np.array(said)[right], np.array(said)[~right], np.unique(said)
-        shares = [((kept >= t).mean(), (wrong < t).mean()) for t in thresholds]
-        series.append(Series(name, *np.transpose(shares)))
-    return series
+    told = curves([row["said"] for row in rows], [row["right"] for row in rows])
+    return [Series(SAYERS[sayer], curve.kept, curve.rejected) for sayer, curve in told.items()]
+
+
+def telling_plot(data: Result) -> str:
+    """`telling_series`."""
+    return line_plot(
+        telling_series(data), title="Wrong ones rejected, right ones kept", x_label="share of right ones kept",
+        y_label="share of wrong ones rejected", x_range=(0, 1), y_range=(0, 1), size=(560, 380),
+    )  # fmt: skip
 
 
 def plan_series(data: Result) -> list[Series]:
