@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from sum_drake.bench.results import made_with
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet, is_scored
 from sum_drake.detection.edge_boxes import EdgeBoxesConfig, edge_boxes
 from sum_drake.detection.edges import Edges, EdgesConfig, find_edges
@@ -119,7 +120,7 @@ def main() -> None:
         "search": dataclasses.asdict(EdgeBoxesConfig()), "edges": dataclasses.asdict(EdgesConfig()), "rows": rows,
     }  # fmt: skip
     options.out.parent.mkdir(exist_ok=True)
-    write_whole(options.out, json.dumps(result, indent=2) + "\n")
+    write_whole(options.out, json.dumps(result | made_with(), indent=2) + "\n")
 
 
 if __name__ == "__main__":

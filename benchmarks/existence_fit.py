@@ -22,6 +22,7 @@ from scipy.optimize import minimize
 from sum_drake import existence
 from sum_drake.bench.hypotheses import Judged, first_look
 from sum_drake.bench.pose_scenes import other_meshes
+from sum_drake.bench.results import made_with
 from sum_drake.bench.watching import Tables, setting
 from sum_drake.detection.inference import load_detector
 from sum_drake.existence import EVIDENCE, SIGNS, evidence
@@ -127,7 +128,7 @@ def main() -> None:
         "detector_alone": figures(confidence, right),
         "inliers_over_n": figures(np.clip(explained, 0, 1), right),
     }
-    write_whole(RESULT, json.dumps(result, indent=2) + "\n")
+    write_whole(RESULT, json.dumps(result | made_with(), indent=2) + "\n")
     print(json.dumps(result, indent=2))
 
 

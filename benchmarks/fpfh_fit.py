@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from sum_drake.bench.pose_scenes import other_meshes, pose_scene
+from sum_drake.bench.results import made_with
 from sum_drake.files import write_whole
 from sum_drake.geometry import pose_error
 from sum_drake.modes import RIGHT
@@ -99,7 +100,7 @@ def main() -> None:
                     if other != best and (found := share(other)) > reached:
                         best, reached = other, found
     result = {"scenes": options.scenes, "best": dataclasses.asdict(best), "within_2cm_20deg": reached, "tried": rows}
-    write_whole(RESULT, json.dumps(result, indent=2) + "\n")
+    write_whole(RESULT, json.dumps(result | made_with(), indent=2) + "\n")
     print(json.dumps(result, indent=2))
 
 

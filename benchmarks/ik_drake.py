@@ -22,7 +22,7 @@ from pydrake.solvers import SnoptSolver
 
 from sum_drake import robot
 from sum_drake.bench.plan_ik import ANGLE, POSITION, errors, random_positions
-from sum_drake.doctor import versions
+from sum_drake.bench.results import made_with
 from sum_drake.files import write_whole
 from sum_drake.kinematics import Arm
 from sum_drake.parsing import make_parser
@@ -108,7 +108,7 @@ def main() -> None:
         result[f"drake_{starts}_starts"] = measure(
             lambda X, starts=starts: drake.solve(X, rng, starts), X_WGs, 2 * DRAKE_POSITION, 2 * DRAKE_ANGLE
         )
-    result["versions"] = versions()
+    result |= made_with()
     write_whole(RESULT, json.dumps(result, indent=2) + "\n")
     print(json.dumps(result, indent=2))
 

@@ -18,7 +18,7 @@ from unittest import mock
 
 from pydrake.systems.framework import Context, EventStatus
 
-from sum_drake.doctor import device, versions
+from sum_drake.bench.results import made_with
 from sum_drake.jsonio import write_json
 from sum_drake.runlog import RunLogWriter
 from sum_drake.systems import sorting
@@ -166,7 +166,7 @@ def main() -> None:
         "same_digest": digest(logged) == digest(silent),
     }
     settings = {"seed": options.seed, "labels": options.labels}
-    write_json(options.out, {"settings": settings, "versions": versions(), "device": device(), "figures": figures})
+    write_json(options.out, {"settings": settings, **made_with(), "figures": figures})
     for name, value in figures.items():
         print(f"{name:24} {value}")
 

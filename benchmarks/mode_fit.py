@@ -22,6 +22,7 @@ from scipy.optimize import minimize, minimize_scalar
 from scipy.special import logsumexp
 
 from sum_drake.bench.pose_scenes import other_meshes, pose_scene
+from sum_drake.bench.results import made_with
 from sum_drake.files import write_whole
 from sum_drake.filter_config import filter_config
 from sum_drake.filtering import PoseEstimator
@@ -165,7 +166,7 @@ def main() -> None:
         "reliability": reliability(rows),
         "reliability_on_further_scenes": reliability(others),
     }
-    write_whole(RESULT, json.dumps(result, indent=2) + "\n")
+    write_whole(RESULT, json.dumps(result | made_with(), indent=2) + "\n")
     print(json.dumps(result, indent=2))
 
 

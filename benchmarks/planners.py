@@ -19,8 +19,8 @@ from sum_drake.assets import asset
 from sum_drake.bench.plan_queries import load_queries, query_scene
 from sum_drake.bench.plan_sets import KINDS, fetch_robot
 from sum_drake.bench.plan_solve import BUDGET, warm_up
+from sum_drake.bench.results import made_with
 from sum_drake.checked_scene import CheckedScene
-from sum_drake.doctor import device, versions
 from sum_drake.jsonio import write_json
 from sum_drake.motion import PLANNERS, plan_path, seconds
 from sum_drake.motion import Path as FoundPath
@@ -87,8 +87,7 @@ def main() -> None:
             rows.append(row)
     if options.out:
         write_json(
-            options.out, {"every": options.every, "seed": options.seed, "rows": rows, "versions": versions(),
-                          "device": device()},
+            options.out, {"every": options.every, "seed": options.seed, "rows": rows, **made_with()},
         )  # fmt: skip
 
 

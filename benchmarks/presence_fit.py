@@ -17,6 +17,7 @@ from scipy.optimize import minimize
 
 from sum_drake.bench.pose_scenes import SENSORS
 from sum_drake.bench.poured_tables import Onlooker, changed, pour_table
+from sum_drake.bench.results import made_with
 from sum_drake.existence import PRESENCE
 from sum_drake.files import write_whole
 from sum_drake.geometry import rotation_from_vector
@@ -94,7 +95,7 @@ def main() -> None:
         "tables_left_out": figures(left_out, there),
         "as_committed": figures(X @ np.array(PRESENCE), there),
     }
-    write_whole(RESULT, json.dumps(result, indent=2) + "\n")
+    write_whole(RESULT, json.dumps(result | made_with(), indent=2) + "\n")
     print(json.dumps(result, indent=2))
 
 

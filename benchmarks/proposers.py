@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import torch
 
+from sum_drake.bench.results import made_with
 from sum_drake.detection import metrics
 from sum_drake.detection.dataset import AnnotatedImage, ImageSet
 from sum_drake.detection.evaluation import calibrated, evaluate, figures
@@ -72,7 +73,7 @@ def main() -> None:
         print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
     options.out.parent.mkdir(exist_ok=True)
     result = {"split": "validation", "images": len(images), "working_size": WORKING_SIZE, "rows": rows}
-    write_whole(options.out, json.dumps(result, indent=2) + "\n")
+    write_whole(options.out, json.dumps(result | made_with(), indent=2) + "\n")
 
 
 if __name__ == "__main__":

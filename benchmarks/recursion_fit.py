@@ -21,6 +21,7 @@ from scipy.optimize import minimize_scalar
 from sum_drake import existence
 from sum_drake.bench.hypotheses import Judged
 from sum_drake.bench.pose_scenes import other_meshes
+from sum_drake.bench.results import made_with
 from sum_drake.bench.sequences import FAULTS, Followed, run_sequence
 from sum_drake.bench.watching import Tables, setting
 from sum_drake.detection.inference import load_detector
@@ -104,7 +105,7 @@ def main() -> None:
             np.array([one.right for one, _ in rows if not one.seen]),
         ),
     }
-    write_whole(RESULT, json.dumps(result, indent=2) + "\n")
+    write_whole(RESULT, json.dumps(result | made_with(), indent=2) + "\n")
     print(json.dumps(result, indent=2))
 
 

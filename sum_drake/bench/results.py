@@ -12,6 +12,11 @@ from sum_drake.jsonio import encode, write_json
 SCHEMA = "sum-drake/bench/1"
 
 
+def made_with() -> dict[str, Any]:
+    """What every committed result tells of where it comes from: versions, commit and device."""
+    return {"versions": versions(), "commit": commit(), "device": device()}
+
+
 def write_results(
     out: Path,
     bench: str,
@@ -41,9 +46,8 @@ def write_results(
         "quick": quick,
         "settings": {**settings, "code": code()},
         "seeds": seeds,
-        "versions": versions(),
-        "commit": _all_of(batches, "commit") or commit(),
-        "device": _all_of(batches, "device") or device(),
+        **made_with(),
+        **({field: _all_of(batches, field) for field in ("commit", "device")} if batches else {}),
         "figures": figures,
         "rows": rows,
     }
