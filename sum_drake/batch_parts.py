@@ -64,7 +64,7 @@ def tiles(figures: Mapping[str, float | None]) -> str:
     said = "none is done" if share is None else f"objects sorted: {share:.3f}{interval}"
     return page.tiles(
         [
-            (said, f"{done} of {objects:.0f}"),
+            (said, "–" if share is None else f"{done} of {objects:.0f}"),
             ("missorted", figure("missorted")),
             ("trials an object sorted", figure("trials_per_object") or "–"),
             ("CPU a run, median", seconds(figures.get("cpu_s_per_run_median"))),

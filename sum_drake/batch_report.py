@@ -137,7 +137,7 @@ def _losses(batches: Sequence[Batch]) -> str:
     """By cause: how many, and which object of which seed."""
     names = list(dict.fromkeys(cause for batch in batches for cause in batch["causes"]))
     if not names:
-        return "<p>Nothing.</p>"
+        return "<p>Nothing.</p>" if any(batch["done"] for batch in batches) else "<p>None is done.</p>"
 
     def cell(batch: Batch, cause: str) -> str:
         lost = [f"{loss['label']} ({loss['seed']})" for loss in batch["losses"] if loss["cause"] == cause]
@@ -199,4 +199,5 @@ def _reason(row: Row) -> str:
 
 
 def _words(figure: str) -> str:
-    return figure.replace("_", " ").replace("cpu s", "CPU s").replace("mib", "MiB")
+    words = figure.replace("_low95", ", 95 % interval from").replace("_high95", ", 95 % interval to")
+    return words.replace("_", " ").replace("cpu s", "CPU s").replace("mib", "MiB")

@@ -111,7 +111,9 @@ def read_run_folder(folder: Path) -> RunFolder:
     except InputError as error:
         problems.append(str(error))
     if summary is None and record is None:
-        raise InputError(f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap")
+        raise InputError(
+            f"{folder}: nothing to report; expected a run folder with summary.json or run.mcap, or a batch"
+        )
     if (folder / "scenario.yaml").is_file():
         scenario = (folder / "scenario.yaml").read_text(encoding="utf-8", errors="replace")
     if scenario is None:

@@ -168,7 +168,7 @@ def _page(
     def lead(kind: str, seed: int) -> str:
         return link(seed, f"{FOLDER}/{seed}", out if kind == FOLDER else None)
 
-    others = [f"*_{n} of runs of {n}" for n in _numbers(larger) if n != OBJECTS]
+    others = [f"*_{n} of runs of {count(n, 'object')}" for n in _numbers(larger) if n != OBJECTS]
     plain = f"runs of {OBJECTS} objects" if OBJECTS in _numbers(larger) else "the sequences"
     parts = [
         "<h1>Sequential sorting</h1>",
