@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
+from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import LoadModelDirectives
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.solvers import Solve
@@ -364,3 +365,26 @@ def test_what_falls_from_the_table_is_not_thrown_back_by_the_floor(label):
     assert speeds[fastest] == pytest.approx(fall, abs=0.01), "the end of the fall"
     assert max(speeds[fastest + 1 :]) < 0.9 * fall
     assert speeds[-1] < 0.5
+
+
+@pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
+def test_what_rolls_away_stays_in_the_room(direction):
+    """Off an edge of the floor it would fall, spin ever faster, and end the run."""
+    heading, half = np.array([*direction, 0.0]), build_scene.ROOM / 2
+    start = 2.4 * heading + [0.0, 0.0, 0.05]
+    station = make({"can": (str(load_catalogue()["soup_can"].sdf), at(*start))})
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    station.GetInputPort("fetch.desired_state").FixValue(context, robot.desired_state(robot.VIEW, 0.1))
+    plant = station.GetSubsystemByName("plant")
+    body = plant.get_body(plant.GetFloatingBaseBodies().pop())
+    state = plant.GetMyMutableContextFromRoot(context)
+    axis = np.cross([0.0, 0.0, 1.0], heading)
+    lying = RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start)
+    plant.SetFreeBodyPose(state, body, lying)
+    plant.SetFreeBodySpatialVelocity(state, body, SpatialVelocity(2.0 / 0.033 * axis, 2.0 * heading))
+    simulator.AdvanceTo(0.25)
+    assert lying.translation() @ heading + 0.3 < plant.EvalBodyPoseInWorld(state, body).translation() @ heading, "rolls"
+    simulator.AdvanceTo(2.0)
+    p_W = plant.EvalBodyPoseInWorld(state, body).translation()
+    assert 0.0 < p_W[2] < 0.1 and np.abs(p_W[:2]).max() < half
