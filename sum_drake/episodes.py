@@ -209,7 +209,7 @@ def _judge(spec: EpisodeSpec, done: _Done, said: str, run: Path) -> EpisodeResul
     if done.timed_out:
         state, reason = "timed_out", f"not done after {spec.time_limit_s:g} s; last: {last}"
     elif done.status < 0:
-        held = f"held {done.peak_memory_mib:.0f} MiB, and might have {spec.memory_mib}"
+        held = f"held {done.peak_memory_mib:.0f} MiB, {spec.memory_mib} allowed"
         state, reason = "crashed", f"ended by {_signal(-done.status)}; {held}; last: {last}"
     elif summary is None:
         state, reason = "crashed", f"exit status {done.status}, {problem}; last: {last}"

@@ -245,7 +245,7 @@ def _page(
             "<p>The same pours, sorted with one thing changed of what a variant is compared with. Gain: of the "
             "objects, how many more are sorted than by that, over pairs of runs; in brackets, 95 % intervals; p: how "
             "often signs drawn at random make as large a difference. Pairs differ in how many were sorted; where runs "
-            "are the same, to the last bit, what was changed was never asked for.</p>",
+            "are the same, to the last bit, the change made no difference at all.</p>",
             made_of(made, quick=quick),
             page.table(heads, [tuple(map(page.text, row)) for row in table]),
             "<h2>What was lost, by cause</h2>",
