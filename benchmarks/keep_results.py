@@ -4,7 +4,7 @@
 
 Of a bench its folder; of a batch its batch.json, and the name that it is to have, as has a bench's result of which
 there is another kind (`pose` of some methods, `ablations` with faults). Columns that nothing here reads are left out:
-poses of `pose` and features of `reject`. Then `python benchmarks/tables.py`.
+poses of `pose` and features of `reject`. Pictures of a bench go to plots/. Then `python benchmarks/tables.py`.
 """
 
 import argparse
@@ -18,6 +18,9 @@ from sum_drake.bench.results import SCHEMA
 from sum_drake.files import write_whole
 
 RESULTS = Path(__file__).resolve().parent / "results"
+PLOTS = RESULTS.parent / "plots"
+PICTURES = {"pose": "corrected.jpg"}
+"""That a bench writes beside its results, by the name under which these are kept."""
 LEFT_OUT = {"pose": ("X_WO",), "reject": ("features",)}
 """Columns, by bench."""
 DIGITS = 5
@@ -73,9 +76,14 @@ def main() -> None:
             parser.error(f"{file}: of the short form; expected a bench without --quick")
         if not name and special(data):
             parser.error(f"{file}: {special(data)}; expected a name of its own, FOLDER=NAME")
-        target = RESULTS / f"{name or data['bench']}.json"
-        write_whole(target, kept(data))
-        print(target)
+        name = name or data["bench"]
+        written = {RESULTS / f"{name}.json": kept(data).encode()}
+        picture = file.parent / PICTURES.get(name, "")
+        if picture.is_file():
+            written[PLOTS / picture.name] = picture.read_bytes()
+        for target, content in written.items():
+            write_whole(target, content)
+            print(target)
 
 
 if __name__ == "__main__":

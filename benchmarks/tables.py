@@ -152,9 +152,13 @@ BEFORE: dict[str, Callable[[Mapping[str, Any]], list[str]]] = {
 
 
 def _plots(results: Mapping[str, Mapping[str, Any]], name: str) -> list[str]:
-    return [
-        line for plot in drawn(results) if PLOTS[plot][0][0] == name for line in (f"![{plot}](plots/{plot}.svg)", "")
-    ]
+    plots = [f"![{plot}](plots/{plot}.svg)" for plot in drawn(results) if PLOTS[plot][0][0] == name]
+    if name == "pose" and results[name]["figures"].get("trials.false_positives"):
+        plots += [
+            "Looks at the ten scenes with false positives: what was detected, all hypotheses, what is accepted.",
+            "![corrected](plots/corrected.jpg)",
+        ]
+    return [line for plot in plots for line in (plot, "")]
 
 
 def _figures(data: Mapping[str, Any], aims: Aims) -> list[str]:

@@ -50,7 +50,7 @@ def table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def picture(image: NDArray[np.uint8], words: str) -> str:
     """An image (h, w, 3), RGB, within the page; words: what it shows, for who cannot see it."""
-    return f'<img src="{_jpeg(image)}" alt="{text(words)}">'
+    return f'<img src="{_address(image)}" alt="{text(words)}">'
 
 
 def video(webm: bytes, poster: NDArray[np.uint8], words: str) -> str:
@@ -58,7 +58,7 @@ def video(webm: bytes, poster: NDArray[np.uint8], words: str) -> str:
     data = base64.b64encode(webm).decode()
     h, w = poster.shape[:2]
     source = f'<source src="data:video/webm;base64,{data}" type="video/webm">'
-    size = f'width="{w}" height="{h}" poster="{_jpeg(poster)}"'
+    size = f'width="{w}" height="{h}" poster="{_address(poster)}"'
     return f'<video controls muted loop playsinline {size} aria-label="{text(words)}">{source}</video>'
 
 
@@ -69,10 +69,15 @@ def figure(svg: str) -> str:
     return f'<div class="scroll figure">{bare}</div>'
 
 
-def _jpeg(image: NDArray[np.uint8]) -> str:
-    """An image (h, w, 3), RGB, as an address that holds it."""
-    _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 82])
-    return f"data:image/jpeg;base64,{base64.b64encode(jpeg.tobytes()).decode()}"
+def jpeg(image: NDArray[np.uint8]) -> bytes:
+    """An image (h, w, 3), RGB, as pages hold it."""
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 82])
+    return data.tobytes()
+
+
+def _address(image: NDArray[np.uint8]) -> str:
+    """One that holds an image (h, w, 3), RGB."""
+    return f"data:image/jpeg;base64,{base64.b64encode(jpeg(image)).decode()}"
 
 
 def chip(words: str, kind: str) -> str:

@@ -32,8 +32,9 @@ def timeless(rows):
 
 
 def test_it_writes_estimates_figures_and_a_page_with_the_worst(out):
-    assert sorted(path.name for path in out.iterdir()) == sorted(FILES)
     results = json.loads((out / "results.json").read_text())
+    without = set() if results["figures"]["trials.false_positives"] else {"corrected.jpg"}
+    assert {path.name for path in out.iterdir()} == set(FILES) - without
     rows = [row for row in results["rows"] if not row["detected"]]
     assert {row["method"] for row in rows} == {"default", "fast"}
     assert {row["label"] for row in rows} <= set(LABELS)

@@ -1,6 +1,7 @@
 """The tables and plots of the committed results are what the committed command makes of them."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -23,6 +24,11 @@ def test_what_is_committed_is_fresh(tables):
         assert (HERE / name).read_text() == text, f"{name}: run python benchmarks/tables.py"
     text = tables.README.read_text()
     assert tables.readme(text, tables.read_results(HERE / "results")) == text, "README: run python benchmarks/tables.py"
+
+
+def test_every_picture_that_is_shown_is_there(tables):
+    shown = re.findall(r"\]\((plots/[^)]+)\)", tables.tables(tables.read_results(HERE / "results")))
+    assert len(shown) > 5 and all((HERE / name).is_file() for name in shown)
 
 
 def test_the_readmes_table_is_of_what_there_is_and_the_rest_of_the_readme_stays(tables):

@@ -72,3 +72,19 @@ def test_what_is_no_bench_wants_a_name(keeping, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["keep_results.py", f"{batch}=batch5"])
     keeping.main()
     assert json.loads((tmp_path / "batch5.json").read_text())["episodes"] == [{"seed": 1, "cpu_s": 1.2346}]
+
+
+def test_a_picture_is_kept_of_the_result_that_bears_the_benchs_name(keeping, tmp_path, monkeypatch):
+    monkeypatch.setattr(keeping, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(keeping, "PLOTS", tmp_path / "plots")
+    for name in ("results", "plots", "pose"):
+        (tmp_path / name).mkdir()
+    data = {"schema": keeping.SCHEMA, "bench": "pose", "settings": {"methods": list(keeping.METHODS)}, "rows": []}
+    (tmp_path / "pose" / "results.json").write_text(json.dumps(data))
+    (tmp_path / "pose" / "corrected.jpg").write_bytes(b"a picture")
+    monkeypatch.setattr(sys, "argv", ["keep_results.py", f"{tmp_path / 'pose'}=pose_ablations"])
+    keeping.main()
+    assert not list((tmp_path / "plots").iterdir())
+    monkeypatch.setattr(sys, "argv", ["keep_results.py", str(tmp_path / "pose")])
+    keeping.main()
+    assert (tmp_path / "plots" / "corrected.jpg").read_bytes() == b"a picture"

@@ -6,7 +6,7 @@ from test_drawing import make_perception
 from sum_drake.bench import pose_trials
 from sum_drake.bench.pose_figures import PoseRow, figures
 from sum_drake.bench.pose_trials import Corrected, trial_scene, true_positive
-from sum_drake.bench.pose_trials_report import papers_part
+from sum_drake.bench.pose_trials_report import corrected_sheet, papers_part
 from sum_drake.detection.inference import load_detector
 from sum_drake.geometry import iou
 from sum_drake.objects import load_catalogue
@@ -56,5 +56,11 @@ def test_looks_with_the_most_false_positives_are_shown_in_three_pictures():
     assert "7 of 11 hypotheses" in html and "5 accepted ones are wrong" in html
     assert html.index("4 of 5 false") < html.index("2 of 3 false") < html.index("1 of 2 false")
     assert "0 of 1 false" not in html
+    assert corrected_sheet(looks[:1], CATALOGUE) is None, "nothing was false in it"
+    sheet = corrected_sheet(looks, CATALOGUE)
+    h, w = record.frame.color.shape[:2]
+    assert sheet.shape[1] == 3 * (w + 4) and 3 * h < sheet.shape[0] < 3 * h + 60
+    detections, hypotheses, accepted = np.hsplit(sheet[-h - 2 : -2], 3)
+    assert (hypotheses != accepted).any() and (detections != hypotheses).any(), "what is rejected is in the second"
     left_out = "".join(papers_part([], {}, [], "detector.safetensors: knows <15> labels", CATALOGUE))
     assert "knows &lt;15&gt; labels" in left_out and "<svg" not in left_out

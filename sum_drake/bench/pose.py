@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sum_drake import page
 from sum_drake.appearance import Appearances
 from sum_drake.assets import InputError
 from sum_drake.bench import pose_trials
@@ -21,6 +22,7 @@ from sum_drake.bench.pose_figures import PoseRow, errors, figures
 from sum_drake.bench.pose_methods import ABOUT, METHODS, OWN_SENSOR, PAPER_METHODS, filter_configs
 from sum_drake.bench.pose_report import report_page
 from sum_drake.bench.pose_scenes import FIRST_SCENE, SENSORS, Instance, PoseScene, other_meshes, pose_scene
+from sum_drake.bench.pose_trials_report import corrected_sheet
 from sum_drake.bench.results import write_results
 from sum_drake.bench.resumed import Progress, RowLog, Task, run_tasks
 from sum_drake.bench.watching import Tables
@@ -35,7 +37,7 @@ from sum_drake.registration import FpfhConfig, FpfhEstimator
 from sum_drake.rendering import DepthRenderer
 from sum_drake.types import Array
 
-FILES = ("results.json", "report.html", "rows.jsonl")
+FILES = ("results.json", "report.html", "corrected.jpg", "rows.jsonl")
 SCENES, QUICK_SCENES = 40, 4
 SEEDS, QUICK_SEEDS = 2, 1
 """Estimates of each instance, from seeds of their own."""
@@ -58,6 +60,7 @@ def bench_pose(
 ) -> dict[str, float]:
     """Measures, writes rows.jsonl as it goes and results.json and report.html at the end, and returns the figures.
 
+    corrected.jpg are the page's pictures of corrected false positives; it is not written where there are none.
     scenes: how many; default: 40, or 4 if quick. The paper's experiment has at most ten, and is left out where the
     detector does not know the catalogue's labels. methods: of `pose_methods.ABOUT`. anew: what is in `out` is replaced,
     once it is sure that this can run. Raises InputError for a method that is unknown or cannot run here, and for rows
@@ -104,6 +107,11 @@ def bench_pose(
                 progress("looking at the paper's scenes", len(looks), len(clutter))
         found |= pose_trials.corrected(looks)
         html = report_page(rows, found, functools.partial(_scene_again, catalogue), catalogue, looks, why_not)
+    sheet = corrected_sheet(looks, catalogue)
+    if sheet is None:
+        (out / "corrected.jpg").unlink(missing_ok=True)
+    else:
+        write_whole(out / "corrected.jpg", page.jpeg(sheet))
     write_whole(out / "report.html", html)
     write_results(
         out,

@@ -3,6 +3,10 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from sum_drake import page
 from sum_drake.bench.pose_figures import DEGREES, PAPER_BOUNDS, PoseRow, curve
 from sum_drake.bench.pose_trials import OBJECTS, Corrected
@@ -58,25 +62,56 @@ def papers_part(
             f"box are rejected; {sum(look.accepted_wrong for look in looks)} accepted ones are wrong. The scenes "
             "with the most false ones: what was detected, all hypotheses, what is accepted.</p>",
         ]
-        most = sorted((look for look in looks if look.false), key=lambda look: (-look.false, -look.rejected))[:SHOWN]
-        parts += [_corrected(look, catalogue) for look in most]
+        parts += [_corrected(look, catalogue) for look in _most(looks)]
     return parts
 
 
-def _corrected(look: Corrected, catalogue: Catalogue) -> str:
-    """A look in three pictures, as in the paper's figure."""
+def corrected_sheet(looks: Sequence[Corrected], catalogue: Catalogue) -> NDArray[np.uint8] | None:
+    """The page's pictures of corrected false positives as one, (h, w, 3) RGB: a row a look; None where there are none.
+
+    Frames are of one size.
+    """
+    rows = [_in_three(look, catalogue) for look in _most(looks)]
+    if not rows:
+        return None
+    heads = {words: _head(words, image.shape[1]) for words, image in rows[0].items()}
+    return np.asarray(np.vstack([np.hstack([_edged(image) for image in row.values()]) for row in (heads, *rows)]))
+
+
+def _head(words: str, width: int) -> NDArray[np.uint8]:
+    """Words over a column of pictures, (32, width, 3)."""
+    head = np.full((32, width, 3), 255, np.uint8)
+    cv2.putText(head, words, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.7, (16, 16, 16), 1, cv2.LINE_AA)
+    return head
+
+
+def _edged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """With a white edge, which keeps pictures side by side apart."""
+    return np.asarray(cv2.copyMakeBorder(image, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=(255, 255, 255)), np.uint8)
+
+
+def _most(looks: Sequence[Corrected]) -> list[Corrected]:
+    """Those with the most false positives, of those with any."""
+    return sorted((look for look in looks if look.false), key=lambda look: (-look.false, -look.rejected))[:SHOWN]
+
+
+def _in_three(look: Corrected, catalogue: Catalogue) -> dict[str, NDArray[np.uint8]]:
+    """A look in three pictures (h, w, 3), as in the paper's figure, by what they show."""
     record, tracks = look.record, look.record.posterior.tracks
     accepted = dataclasses.replace(record.posterior, tracks=tuple(one for one in tracks if one.accepted))
-    shown = {
+    bare = dataclasses.replace(record, detections=())
+    return {
         "detections": draw_boxes(record.frame.color, _marked(record, catalogue)),
-        "all hypotheses": draw_perception(dataclasses.replace(record, detections=()), catalogue, scale=1),
-        "accepted": draw_perception(
-            dataclasses.replace(record, detections=(), posterior=accepted), catalogue, scale=1
-        ),
-    }  # fmt: skip
+        "all hypotheses": draw_perception(bare, catalogue, scale=1),
+        "accepted": draw_perception(dataclasses.replace(bare, posterior=accepted), catalogue, scale=1),
+    }
+
+
+def _corrected(look: Corrected, catalogue: Catalogue) -> str:
+    """A look's three pictures; HTML."""
     pictures = [
         f"<figure>{page.picture(image, words)}<figcaption>{page.text(words)}</figcaption></figure>"
-        for words, image in shown.items()
+        for words, image in _in_three(look, catalogue).items()
     ]
     words = f"{look.rejected} of {look.false} false hypotheses rejected"
     return f'<p>{page.text(words)}</p><div class="gallery three">{"".join(pictures)}</div>'
