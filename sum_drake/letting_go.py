@@ -1,6 +1,7 @@
 """Where to let go of an object that is in the hand: over a bin, or at a place on the table."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -46,20 +47,26 @@ def places_over(
 ) -> list[PlaceWay]:  # fmt: skip
     """Up to three ways to let go of the object over the region, at the lowest height where there is one.
 
-    gaps: to open the fingers to; the first that the place allows is taken.
+    gaps: to open the fingers to; the first that the place allows is taken. Where parts of the object lie beyond a
+    finger, as a handle does that it was put through, by a hand that points straight down, if there is such a way: with
+    the hand aslant it would fall on the finger, and hang there.
     """
     config = scenes.config
     p_OQs, q_lift = np.concatenate(target.hulls), pick.lift[-1]
     X_GO = inverse(pick.X_WG) @ target.X_WS
     # Turned as if the arm carried the object around the shoulder, and by multiples of 30 degrees from there.
-    X_WO_lift = arm.forward(q_lift) @ X_GO
+    X_WG_lift = arm.forward(q_lift)
+    X_WO_lift = X_WG_lift @ X_GO
     turn = np.arctan2(region.p_W[1], region.p_W[0]) - np.arctan2(X_WO_lift[1, 3], X_WO_lift[0, 3])
     spots = np.array([(x, y) for x in (-0.7, 0.0, 0.7) for y in (-0.7, 0.0, 0.7)])[rng.permutation(9)][:3]
+    attitudes = [X_WO_lift[:3, :3]]
+    if gaps[0] < HAND.gap_max:
+        attitudes.insert(0, _to_point_down(X_WG_lift[:3, :3]) @ X_WO_lift[:3, :3])
     stage = cause = "no_place"
-    for height in config.release_heights:
+    for attitude, height in itertools.product(attitudes, config.release_heights):
         options: list[tuple[float, Array, Array, Array]] = []
         for yaw in turn + np.arange(-5, 7) * np.pi / 6:
-            R_WO = rotation_from_vector(np.array([0, 0, yaw])) @ X_WO_lift[:3, :3]
+            R_WO = rotation_from_vector(np.array([0, 0, yaw])) @ attitude
             corners = p_OQs @ R_WO.T
             low, high = corners.min(0), corners.max(0)
             room = region.half_extents - (high - low) / 2 - WALL
@@ -96,6 +103,13 @@ def places_over(
         if places:
             return places
     raise GivenUp(stage, cause)
+
+
+def _to_point_down(R_WG: Array) -> Array:
+    """The least rotation (3, 3) after which a hand that does not point up points straight down."""
+    axis = np.cross(R_WG[:, 0], [0.0, 0.0, -1.0])
+    sine = np.linalg.norm(axis)
+    return rotation_from_vector(axis * (np.arctan2(sine, -R_WG[2, 0]) / sine if sine > 0.0 else 0.0))
 
 
 def _ways_to_hold(arm: Arm, X_WG: Array, X_WO: Array, q_lift: Array) -> list[tuple[float, Array, Array, Array]]:

@@ -298,7 +298,11 @@ class SortingPlanner(LeafSystem):
             if held.motion is None or status.motion != held.motion.id or status.segment != "weigh":
                 return held
             return dataclasses.replace(held, hung_there=self._hangs(context))
-        return self._go_back(context, held) if status.stopped else dataclasses.replace(held, phase="weigh")
+        if not status.stopped:
+            return dataclasses.replace(held, phase="weigh")
+        # On the way back it would fall where it has no business: once more, from where the arm was stopped.
+        shaking = self._shake_off(context, held) if self._hangs(context) else None
+        return shaking or self._go_back(context, held)
 
     def _go_back(self, context: Context, held: _Sorting, *, holding: bool = False) -> _Sorting:
         """Sets out for the viewing pose with an open hand; the run is over where there is no way.

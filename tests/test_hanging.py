@@ -68,7 +68,8 @@ def test_what_stays_on_the_hand_was_not_placed_and_the_loop_goes_on(shakes):
     assert bench.out("outcome") == "cleared"
 
 
-def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again():
+def test_a_hand_that_is_stopped_while_it_shakes_goes_on_with_that_where_it_is():
+    """What hangs on it is what was stopped, mostly, and would fall on the way back."""
     bench = Bench(Pick(PLAN, TRACK, "bin", ()))
     bench.carried()
     bench.hand(0.1, hanging=0.3)
@@ -77,12 +78,33 @@ def test_a_hand_that_is_stopped_while_it_shakes_goes_back_and_is_weighed_again()
     bench.run("weigh")
     bench.run("shake")
     bench.finish("unexpected_effort")
+    assert (bench.shaken, bench.brought_back) == ([(5, 0), (5, 1)], [])
     assert (bench.out("motion").id, bench.out("attempts")) == (3, ())
-    bench.hand(0.1)
-    bench.finish()
-    bench.rest()
+    bench.shake_off()
     (attempt,) = bench.out("attempts")
-    assert (attempt.reason, attempt.action.hangs) == ("executed", False)
+    assert (attempt.reason, attempt.action.held_place, attempt.action.hangs) == ("executed", True, False)
+
+
+def test_a_hand_that_is_stopped_in_its_last_shake_or_with_nothing_on_it_goes_back_and_is_weighed_again():
+    for times in (1, SHAKES):
+        bench = Bench(Pick(PLAN, TRACK, "bin", ()))
+        bench.carried()
+        bench.hand(0.1, hanging=0.3)
+        bench.finish()
+        bench.rest()
+        for i in range(times):
+            bench.run("weigh")
+            bench.run("shake")
+            if times == 1:
+                bench.hand(0.1)
+            bench.finish("unexpected_effort")
+            assert bench.out("motion").id == 3 + i
+        assert (len(bench.shaken), bench.brought_back, bench.out("attempts")) == (times, [False], ())
+        bench.hand(0.1)
+        bench.finish()
+        bench.rest()
+        (attempt,) = bench.out("attempts")
+        assert (attempt.reason, attempt.action.hangs) == ("executed", False)
 
 
 def test_an_arm_that_is_stopped_with_something_on_its_hand_goes_to_shake_it_off_not_back():

@@ -1,5 +1,6 @@
 """What hangs on the hand, as physics has it, and the way of an arm that goes to get rid of it."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -20,7 +21,7 @@ from sum_drake.planning_scene import PlanningScene
 from sum_drake.playback import segment_ends
 from sum_drake.robot import FINGERS, HAND, VIEW, arm_positions
 from sum_drake.sensor import DepthNoiseConfig, HeadCameraConfig
-from sum_drake.shaking import GAPS, HEIGHTS, SHAKES, plan_shaking
+from sum_drake.shaking import GAPS, HEIGHTS, RISE, SHAKES, plan_shaking
 from sum_drake.systems.arm_controller import ArmController
 from sum_drake.systems.ports import abstract
 from sum_drake.systems.station import default_plant_config, make_station
@@ -45,6 +46,15 @@ def shake(scene, made, times=0, q_now=VIEW, **more):
     )
 
 
+def assert_sound(scene, motion):
+    """Continuous, free, and within limits."""
+    for before, after in itertools.pairwise(motion.segments):
+        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
+    for segment in motion.segments:
+        assert scene.with_gap(segment.gap).free_many(timing.sample(segment.trajectory, 0.01)).all()
+        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+
+
 @pytest.mark.parametrize("times", range(SHAKES))
 def test_it_goes_to_the_place_rolls_the_hand_that_points_down_and_comes_back(scene, made, times):
     motion = shake(scene, made, times)
@@ -60,16 +70,12 @@ def test_it_goes_to_the_place_rolls_the_hand_that_points_down_and_comes_back(sce
     np.testing.assert_allclose(*X_WGs, atol=1e-9)
     np.testing.assert_allclose(there.trajectory.positions[0], VIEW, atol=1e-6)
     assert weighing.trajectory.times[-1] >= 0.5 and not np.ptp(weighing.trajectory.positions, axis=0).any()
-    for before, after in itertools.pairwise(motion.segments):
-        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
     X_WGs = ARM.forward_many(timing.sample(rolling.trajectory, 0.05))
     over = X_WGs[:, :3, 3] - made.X_WG_place[:3, 3]
     assert any(np.allclose(over, [0.0, 0.0, height], atol=1e-4) for height in HEIGHTS)
     np.testing.assert_allclose(X_WGs[:, :3, 0], np.tile([0.0, 0.0, -1.0], (len(X_WGs), 1)), atol=1e-5)
     assert np.ptp(timing.sample(rolling.trajectory, 0.05)[:, 7]) > 1.9
-    for segment in motion.segments:
-        assert scene.with_gap(segment.gap).free_many(timing.sample(segment.trajectory, 0.01)).all()
-        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
+    assert_sound(scene, motion)
 
 
 @pytest.mark.parametrize("done", [0.0, 0.6])
@@ -85,13 +91,39 @@ def test_an_arm_that_was_stopped_on_its_way_back_or_has_not_begun_it_goes_from_t
     np.testing.assert_allclose(there.positions[0], q_now, atol=1e-9)
     assert there.times[-1] < 1.5 * came.trajectory.times[-1]
     np.testing.assert_allclose(ARM.forward(back.positions[-1]), ARM.forward(VIEW), atol=1e-6)
-    for before, after in itertools.pairwise(motion.segments):
-        np.testing.assert_allclose(before.trajectory.positions[-1], after.trajectory.positions[0], atol=1e-6)
-    for segment in motion.segments:
-        assert scene.with_gap(segment.gap).free_many(timing.sample(segment.trajectory, 0.01)).all()
-        assert max(timing.limit_use(segment.trajectory)) <= 1.0 + 1e-6
-    with pytest.raises(RuntimeError, match=r"the arm is not where it came by"):
-        shake(scene, made, q_now=q_now + np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    assert_sound(scene, motion)
+    with pytest.raises(RuntimeError, match=r"neither where it came by nor over the place"):
+        shake(scene, made, q_now=q_now + np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def half_turned(scene, made):
+    """A shake as far as it comes if the arm is stopped as it turns the hand over the place."""
+    there, weighing, turning, *_ = shake(scene, made).segments
+    half = timing.time_curve(timing.sample(turning.trajectory, 0.02)[: int(25 * turning.trajectory.times[-1])])
+    return Motion(8, (there, weighing, dataclasses.replace(turning, trajectory=half)))
+
+
+def test_an_arm_that_was_stopped_as_it_turned_the_hand_rises_and_turns_it_there(scene, made):
+    stopped = half_turned(scene, made)
+    q_now = stopped.segments[-1].trajectory.positions[-1]
+    motion = shake(scene, made, 1, q_now=q_now)
+    assert (motion.id, motion.load) == (9, None)
+    assert [segment.name for segment in motion.segments] == [
+        "shake", "weigh", "shake", "shake", "shake", "open", "shake", "return",
+    ]  # fmt: skip
+    assert [segment.gap for segment in motion.segments[3:5]] == list(GAPS), "it had not rolled it with either"
+    rising, weighing, _, *rolls, _, _, back = (segment.trajectory for segment in motion.segments)
+    assert weighing.times[-1] >= 0.5
+    X_WGs = ARM.forward_many(timing.sample(rising, 0.05))
+    np.testing.assert_allclose(X_WGs, [transform(X_WGs[0, :3, :3], X_WG[:3, 3]) for X_WG in X_WGs], atol=1e-3)
+    np.testing.assert_allclose(np.ptp(X_WGs[:, :3, 3], axis=0), [0.0, 0.0, RISE], atol=1e-3)
+    for roll in rolls:
+        X_WGs = ARM.forward_many(timing.sample(roll, 0.05))
+        np.testing.assert_allclose(X_WGs[:, :3, 0], np.tile([0.0, 0.0, -1.0], (len(X_WGs), 1)), atol=1e-5)
+        np.testing.assert_allclose(X_WGs[:, :2, 3], np.tile(made.X_WG_place[:2, 3], (len(X_WGs), 1)), atol=1e-4)
+        assert np.ptp(timing.sample(roll, 0.05)[:, 7]) > 1.9
+    np.testing.assert_allclose(ARM.forward(back.positions[-1]), ARM.forward(VIEW), atol=1e-6)
+    assert_sound(scene, motion)
 
 
 def test_an_arm_that_has_not_moved_since_goes_nowhere_before_it_weighs(scene, made):
@@ -210,3 +242,14 @@ def test_a_ring_that_the_opened_fingers_press_against_comes_off_once_they_are_ha
         assert (abs(hung.weight()) < HANGS) == comes_off
     off = hung.ring()[:2] - made.X_WG_place[:2, 3]
     assert np.linalg.norm(off) < 0.1, "it fell where the object was to be"
+
+
+def test_a_ring_comes_off_where_the_arm_was_stopped_too(tmp_path, scene, made):
+    stopped = half_turned(scene, made)
+    hung = Hung(tmp_path, both=True)
+    hung.play(stopped, segment_ends(stopped)[-1])
+    assert hung.weight() == pytest.approx(RING_MASS, abs=HANGS)
+    motion = shake(scene, made, q_now=stopped.segments[-1].trajectory.positions[-1])
+    hung.play(motion, segment_ends(motion)[4])
+    assert abs(hung.weight()) < HANGS
+    assert np.linalg.norm(hung.ring()[:2] - made.X_WG_place[:2, 3]) < 0.15, "it fell where the object was to be"
