@@ -3,8 +3,9 @@
 Accepted objects are tried in the order of a policy, until a motion is found for one; of those that it holds to be worth
 trying, those last whose neighbours lean on them so near to an edge that they might fall off the table. Where there is
 none for any, an object that is in the way is moved to a free place on the table, or one that cannot be brought to its
-place as it is held is set down elsewhere to be grasped anew. Every object that is not attempted is told with what its
-grasps met.
+place as it is held is set down elsewhere to be grasped anew. Where that helps nothing either, what lies under another
+is pulled out, once nothing that stands there is left unexplained. Every object that is not attempted is told with what
+its grasps met.
 """
 
 import dataclasses
@@ -77,16 +78,19 @@ class SortingTask:
         believed = now.believed
         fallen = [track for track in believed if self._has_fallen(track)]
         wanted = [track for track in believed if not self._is_in_place(track) and track not in fallen]
-        choice, refused = self._choose(now, wanted)
+        choice, refused, stuck = self._choose(now, wanted)
+        count, may_look = int(now.loose.sum()), looks + 1 < self._config.max_looks
+        if choice is None and not (may_look and count >= self._config.clear_points):
+            # What is not believed yet, and may be on top, would be dragged along.
+            choice = self._drag(now, stuck)
         if choice is not None:
             return dataclasses.replace(choice, refused=tuple(refused))
-        count = int(now.loose.sum())
         shown = table_shown(perception.frame, self._regions["table"])
         unseen = [track for track in perception.posterior.tracks if track.seen < perception.step]
         hidden = [track.label for track in unseen if self._may_be_hidden(track, believed)]
         if not wanted and not hidden and shown >= SHOWN and count < self._config.clear_points:
             return Stop("cleared", tuple(self._attempting.refusal(now, track, "fell_off") for track in fallen))
-        if looks + 1 < self._config.max_looks:
+        if may_look:
             return Look(tuple(refused))
         refused += [self._attempting.refusal(now, track, "fell_off") for track in fallen]
         refused += [self._attempting.refusal(now, track, "not_seen") for track in unseen if track.label in hidden]
@@ -116,8 +120,10 @@ class SortingTask:
         goal = self._attempting.goal_of(track.label)
         return goal == LEAVE or self._regions[goal].holds(track.X_WO[:3, 3])
 
-    def _choose(self, now: Now, wanted: Sequence[Track]) -> tuple[Pick | None, list[Attempt]]:
-        """What to do with the objects that are to be brought elsewhere, and all that was given up before."""
+    def _choose(
+        self, now: Now, wanted: Sequence[Track]
+    ) -> tuple[Pick | None, list[Attempt], list[tuple[Prospect, Attempt | None]]]:
+        """What to do with the objects that are to be brought elsewhere, all that was given up before, and for which."""
         policy = self._config.policy
         promised = (self._attempting.prospect(now, track) for track in wanted)
         prospects = in_order(promised, policy, spare_neighbours=self._config.spare_neighbours)
@@ -147,19 +153,27 @@ class SortingTask:
             choice = attempt(unsure.pop(next(iter(unsure))))
         if choice is None:
             choice = self._help(now, stuck, refused, helped, unsure, attempt)
-        return choice or self._drag(now, stuck), refused
+        return choice, refused, stuck
 
     def _drag(self, now: Now, stuck: Sequence[tuple[Prospect, Attempt | None]]) -> Pick | None:
         """Takes what lies under another, where nothing else can be done: what is dragged along is found again.
 
-        The first is the one whose neighbours are likeliest to stay: rather what lies on top than what lies below.
+        It is set down elsewhere on the table, if that can be done: what it drags along stays there, too, rather than to
+        end in a bin or beside it. The first is the one whose neighbours are likeliest to stay: rather what lies on top
+        than what lies below.
         """
-        for prospect, given_up in sorted(stuck, key=lambda one: -one[0].stay):
-            if given_up is not None and any(parted(cause)[0] == "lift" for cause, _ in given_up.rejected_by):
-                plan = self._attempting.plan(now, prospect, given_up.region, drags=True)
-                if isinstance(plan, PickPlan):
-                    words = why(self._config.policy, prospect) + "; as nothing else can be, with what lies on it"
-                    return Pick(plan, prospect.track, given_up.region, (), "pick_place", words)
+        under = [
+            (prospect, given_up)
+            for prospect, given_up in sorted(stuck, key=lambda one: -one[0].stay)
+            if given_up is not None and any(parted(cause)[0] == "lift" for cause, _ in given_up.rejected_by)
+        ]
+        aside = [(one, self._put_aside_in(one.track), MOVE) for one, _ in under if self._may_move(now, one.track)]
+        away = [(one, given_up.region, "pick_place") for one, given_up in under]
+        for prospect, region, kind in (*aside, *away):
+            plan = self._attempting.plan(now, prospect, region, move=kind == MOVE, drags=True)
+            if isinstance(plan, PickPlan):
+                words = why(self._config.policy, prospect) + "; as nothing else can be, with what lies on it"
+                return Pick(plan, prospect.track, region, (), kind, words)
         return None
 
     def _help(

@@ -193,6 +193,7 @@ def test_what_is_likely_there_but_hidden_is_waited_for():
 
 AREA = Region("aside", readonly([0.62, 0.2, 0.95]), readonly([0.12, 0.18, 0.25]))
 TEA = CATALOGUE["tea"]
+SUGAR_X = CATALOGUE["sugar"].dimensions[0]
 ON_THE_CAN = standing(CATALOGUE, "tea", 0.6, 0.1)
 ON_THE_CAN[2, 3] += CATALOGUE["soup_can"].dimensions[2]
 BLOCKED = {"soup_can": standing(CATALOGUE, "soup_can", 0.6, 0.1), "tea": ON_THE_CAN}
@@ -348,15 +349,34 @@ def test_what_is_hidden_to_the_end_is_an_attempt_given_up():
     assert [(refused.label, refused.reason) for refused in stop.refused] == [("mug", "not_seen")]
 
 
-def test_what_lies_under_something_is_taken_all_the_same_where_nothing_else_can_be_done():
-    model = CATALOGUE["sugar"]
-    lying = rotation_from_vector(np.array([0.0, np.pi / 2, 0.0]))
-    flat = transform(lying, np.array([0.55, 0.0, 0.70 + model.dimensions[0] / 2]))
-    on_it = standing(CATALOGUE, "tea", 0.61, 0.0)
-    on_it[2, 3] += model.dimensions[0]
-    task = make_task(goal={"sugar": "non_cleaning_bin"})  # the tea is to be left alone
-    tracks = [believe("sugar", flat, 0), believe("tea", on_it, 1)]
-    choice = task.decide(see({"sugar": flat, "tea": on_it}, tracks), (), 0, VIEW)
-    assert isinstance(choice, Pick) and choice.track.label == "sugar"
+FLAT = transform(rotation_from_vector(np.array([0.0, np.pi / 2, 0.0])), np.array([0.55, 0.0, 0.70 + SUGAR_X / 2]))
+ON_THE_SUGAR = standing(CATALOGUE, "tea", 0.61, 0.0)
+ON_THE_SUGAR[2, 3] += SUGAR_X
+UNDER = {"sugar": FLAT, "tea": ON_THE_SUGAR}
+UNDER_GOAL = {"goal": {"sugar": "non_cleaning_bin"}}
+"""A box of sugar lies under one of tea, which is to be left alone."""
+
+
+def test_what_lies_under_something_is_pulled_out_where_nothing_else_can_be_done():
+    seen = see(UNDER, [believe("sugar", FLAT, 0), believe("tea", ON_THE_SUGAR, 1)])
+    choice = make_task(**UNDER_GOAL).decide(seen, (), 0, VIEW)
+    assert isinstance(choice, Pick)
+    assert (choice.track.label, choice.kind, choice.region) == ("sugar", "move", "table"), "the tea stays on the table"
     assert "with what lies on it" in choice.why
     assert [attempt.reason for attempt in choice.refused] == ["lift"]
+    off = np.linalg.norm(choice.plan.X_WO_place[:2, 3] - FLAT[:2, 3])
+    assert off > 0.1, "not where it was"
+    again = make_task(**UNDER_GOAL).decide(seen, [moved(choice)] * CONFIG.max_moves, 0, VIEW)
+    assert isinstance(again, Pick)
+    assert (again.track.label, again.kind, again.region) == ("sugar", "pick_place", "non_cleaning_bin"), "at last"
+
+
+def test_before_something_is_pulled_out_what_nothing_explains_is_looked_at_again():
+    seen = see(
+        {**UNDER, "mug": standing(CATALOGUE, "mug", 0.75, -0.2)},
+        [believe("sugar", FLAT), believe("tea", ON_THE_SUGAR, 1)],
+    )
+    choices = [make_task(**UNDER_GOAL).decide(seen, (), looks, VIEW) for looks in range(CONFIG.max_looks)]
+    assert [type(choice) for choice in choices] == [Look] * (CONFIG.max_looks - 1) + [Pick]
+    assert all([refused.label for refused in choice.refused] == ["sugar"] for choice in choices)
+    assert "with what lies on it" in choices[-1].why
