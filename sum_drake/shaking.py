@@ -78,7 +78,7 @@ def plan_shaking(
         if np.linalg.norm((p_WG_now - p_WG)[:2]) > OVER:
             raise RuntimeError(f"{NO_WAY}: the arm is neither where it came by nor over the place")
         rise = rising(arm, around, q_now, RISE)
-        # It had not rolled the hand with either.
+        # Which of them it got to before is not known here.
         heights, gaps = [arm.forward(rise[-1])[2, 3] - p_WG[2]], GAPS
         ways = _up_and_home(around, rise, seed, config)
     there, back = ways

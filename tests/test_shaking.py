@@ -111,7 +111,7 @@ def test_an_arm_that_was_stopped_as_it_turned_the_hand_rises_and_turns_it_there(
     assert [segment.name for segment in motion.segments] == [
         "shake", "weigh", "shake", "shake", "shake", "open", "shake", "return",
     ]  # fmt: skip
-    assert [segment.gap for segment in motion.segments[3:5]] == list(GAPS), "it had not rolled it with either"
+    assert [segment.gap for segment in motion.segments[3:5]] == list(GAPS), "it got to neither before"
     rising, weighing, _, *rolls, _, _, back = (segment.trajectory for segment in motion.segments)
     assert weighing.times[-1] >= 0.5
     X_WGs = ARM.forward_many(timing.sample(rising, 0.05))
