@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from sum_drake.attempting import Attempting, Now
 from sum_drake.existence import LIKELY
-from sum_drake.explaining import UNEXPLAINED, parted
+from sum_drake.explaining import parted
 from sum_drake.lifting import LEANS
 from sum_drake.making_way import MOVE, TO_PLACE, blockers, moves, nearest, worn_out
 from sum_drake.picking import PickPlan
@@ -159,18 +159,16 @@ class SortingTask:
         """Takes what lies under another, where nothing else can be done: what is dragged along is found again.
 
         It is set down elsewhere on the table, if that can be done: what it drags along stays there, too, rather than to
-        end in a bin or beside it. The first is the one whose neighbours are likeliest to stay, what nothing explains
-        among them: rather what lies on top than what lies below.
+        end in a bin or beside it. The first is the one whose neighbours are likeliest to stay: rather what lies on top
+        than what lies below.
         """
-        under: list[tuple[float, Prospect, Attempt]] = []
-        for prospect, given_up in stuck:
-            causes = [] if given_up is None else [parted(cause) for cause, _ in given_up.rejected_by]
-            if given_up is not None and any(name == "lift" for name, _ in causes):
-                stay = prospect.stay * (LEANS if ("lift", UNEXPLAINED) in causes else 1.0)
-                under.append((stay, prospect, given_up))
-        under.sort(key=lambda one: -one[0])
-        aside = [(one, self._put_aside_in(one.track), MOVE) for _, one, _ in under if self._may_move(now, one.track)]
-        away = [(one, given_up.region, "pick_place") for _, one, given_up in under]
+        under = [
+            (prospect, given_up)
+            for prospect, given_up in sorted(stuck, key=lambda one: -one[0].stay)
+            if given_up is not None and any(parted(cause)[0] == "lift" for cause, _ in given_up.rejected_by)
+        ]
+        aside = [(one, self._put_aside_in(one.track), MOVE) for one, _ in under if self._may_move(now, one.track)]
+        away = [(one, given_up.region, "pick_place") for one, given_up in under]
         for prospect, region, kind in (*aside, *away):
             plan = self._attempting.plan(now, prospect, region, move=kind == MOVE, drags=True)
             if isinstance(plan, PickPlan):

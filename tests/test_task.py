@@ -13,7 +13,6 @@ from deciding import (
     MOST_LIKELY,
     REGIONS,
     believe,
-    make_attempting,
     make_task,
     pick_can,
     see,
@@ -381,28 +380,3 @@ def test_before_something_is_pulled_out_what_nothing_explains_is_looked_at_again
     assert [type(choice) for choice in choices] == [Look] * (CONFIG.max_looks - 1) + [Pick]
     assert all([refused.label for refused in choice.refused] == ["sugar"] for choice in choices)
     assert "with what lies on it" in choices[-1].why
-
-
-def test_what_lies_under_something_unexplained_is_pulled_out_last():
-    """Nobody knows what it drags along."""
-    X_WOs = {"mug": standing(CATALOGUE, "mug", 0.6, 0.2), "soup_can": standing(CATALOGUE, "soup_can", 0.6, -0.1)}
-    seen = see(X_WOs, [believe(label, X_WO, i) for i, (label, X_WO) in enumerate(X_WOs.items())])
-    attempting = make_attempting()
-    now = attempting.now(seen, (), VIEW)
-    prospects = {track.label: attempting.prospect(now, track) for track in now.believed}
-
-    def first(**lifts):
-        stuck = [
-            (
-                prospects[label],
-                dataclasses.replace(
-                    attempting.refusal(now, prospects[label].track, "lift"), rejected_by=((f"lift_{body}", 9),)
-                ),
-            )
-            for label, body in lifts.items()
-        ]
-        return make_task()._drag(now, stuck).track.label
-
-    assert first(mug="tea", soup_can="tea") == "mug", "the one that came first anyway"
-    assert first(mug="unexplained", soup_can="tea") == "soup_can"
-    assert first(mug="unexplained") == "mug"
